@@ -1,0 +1,43 @@
+"""The objects that come with the program, as particles (asset.kind=builtin)."""
+
+import itertools
+from types import ModuleType
+
+import numpy as np
+
+from fracsim import registry
+from fracsim.asset import fill, gaussians, implicit, limits, place
+from fracsim.records import Array, Particles
+from fracsim.vocab import Asset
+
+
+def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
+    """Particles of the built-in object asset.name; `seed` has no part in it."""
+    module = registry.load("fracsim.asset.objects", asset.name, "asset.name")
+    return of_module(module, asset, spacing)
+
+
+def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
+    """Particles of an object with `distance`, `colour` and `BOUNDS`; raises ValueError when it needs too many."""
+    R = place.rotation(asset.rotate_deg)
+    placement, lo, hi = _placed(module, asset, R)
+
+    def field(P: Array) -> Array:
+        d: Array = module.distance(placement.to_object(P).astype(np.float32)) * placement.scale
+        return d
+
+    limits.estimate(asset, spacing, *implicit.measure(field, lo, hi))
+    filling = fill.fill(implicit.Implicit(field, lo, hi, 0.2 * spacing), spacing)
+    P = placement.to_object(gaussians.painted_points(filling, spacing)).astype(np.float32)
+    depth = (gaussians.painted_depth(filling, spacing) / placement.scale).astype(np.float32)
+    rgb = np.clip(module.colour(P, depth), 0.0, 1.0)
+    return gaussians.particles(filling, rgb, spacing, limits.remarks(filling))
+
+
+def _placed(module: ModuleType, asset: Asset, R: Array) -> tuple[place.Placement, Array, Array]:
+    """Where the object stands, and its bounding box in the world."""
+    corners = np.array(list(itertools.product(*zip(*module.BOUNDS, strict=True)))) @ R.T
+    lo, hi = implicit.tight_box(lambda q: module.distance((q @ R).astype(np.float32)), corners.min(0), corners.max(0))
+    placement = place.fit(asset, lo, hi)
+    half = placement.scale * (hi - lo) / 2
+    return placement, place.CENTRE - half, place.CENTRE + half

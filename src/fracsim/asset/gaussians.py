@@ -1,0 +1,55 @@
+"""The Gaussian of each material point: flat along the normal on the surface, round inside, colour as SH degree 0."""
+
+import numpy as np
+
+from fracsim.asset.fill import SKIN, Filling
+from fracsim.records import Array, Particles
+
+SH_C0 = 0.28209479177387814  # 1 / sqrt(4 pi): the constant spherical harmonic
+TANGENTIAL, NORMAL = 0.6, 0.16
+"""Standard deviations of surface Gaussians along and across the surface, in spacings."""
+ROUND = 0.6
+"""Standard deviation of interior Gaussians, in spacings; less where it would reach through the surface."""
+OPACITY = 0.98
+
+
+def particles(filling: Filling, rgb: Array, spacing: float, notes: tuple[str, ...] = ()) -> Particles:
+    """Particles of a filling with colours (N, 3), sRGB in [0, 1]."""
+    return Particles(
+        X=filling.X.astype(np.float32),
+        volume=filling.volume.astype(np.float32),
+        covariance=covariance(filling, spacing).astype(np.float32),
+        opacity=np.full(len(filling.X), OPACITY, np.float32),
+        sh=constant_sh(rgb),
+        surface=filling.surface,
+        spacing=spacing,
+        notes=notes,
+    )
+
+
+def constant_sh(rgb: Array) -> Array:
+    """Coefficients (N, 1, 3) float32 of a colour (N, 3) that is the same from everywhere."""
+    return ((np.asarray(rgb, np.float64) - 0.5) / SH_C0).astype(np.float32)[:, None, :]
+
+
+def covariance(filling: Filling, spacing: float) -> Array:
+    """Covariances (N, 6) as xx, xy, xz, yy, yz, zz [m^2]: t^2 I + (n^2 - t^2) N N^T with the outward normal N."""
+    t = np.full(len(filling.X), TANGENTIAL * spacing)
+    deep = ~filling.surface
+    # Half the depth: what reaches through the surface is beyond two standard deviations.
+    t[deep] = np.clip(0.5 * filling.depth[deep], 0.4 * spacing, ROUND * spacing)
+    N, n = filling.normal, NORMAL * spacing
+    flat = (n * n - t * t)[:, None] * np.stack([N[:, i] * N[:, j] for i, j in zip(*np.triu_indices(3), strict=True)], 1)
+    flat[:, [0, 3, 5]] += (t * t)[:, None]
+    return flat
+
+
+def painted_depth(filling: Filling, spacing: float) -> Array:
+    """The depths to ask colours for, (N,) [m]: surface particles show what lies on the surface above them."""
+    return np.where(filling.surface, 0.0, np.maximum(filling.depth, 0.0))
+
+
+def painted_points(filling: Filling, spacing: float) -> Array:
+    """The points to ask colours for, (N, 3) [m]: surface particles are lifted back to the surface."""
+    P: Array = filling.X + SKIN * spacing * filling.normal
+    return P

@@ -1,0 +1,52 @@
+"""What cannot be simulated is refused before any long work, with one error that names the way out."""
+
+import re
+
+from fracsim.asset.fill import Filling
+from fracsim.vocab import Asset
+
+FEWEST = 8
+
+
+def check(asset: Asset, spacing: float) -> None:
+    """Raises ValueError for fields of `asset` that vocab cannot judge on its own."""
+    if not spacing > 0:
+        raise ValueError(f"spacing={spacing} must be > 0: it is solver.h / solver.particles_per_axis.")
+    if len(asset.rotate_deg) != 3:
+        raise ValueError(f"asset.rotate_deg={asset.rotate_deg} must have three angles, as [-90,0,0].")
+    if asset.interior:
+        colour(asset.interior)
+
+
+def colour(text: str) -> tuple[float, float, float]:
+    """sRGB in [0, 1] of '#rrggbb'; raises ValueError for anything else."""
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        raise ValueError(f"asset.interior={text} is not a colour: write it as '#rrggbb', as '#f2e0c0', or leave it empty.")
+    r, g, b = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return r, g, b
+
+
+def estimate(asset: Asset, spacing: float, volume: float, area: float) -> None:
+    """Raises ValueError when a solid of about `volume` [m^3] and `area` [m^2] needs too many particles, or too few."""
+    count(asset, spacing, int(volume / spacing**3 + 0.5 * area / spacing**2), "about ")
+
+
+def count(asset: Asset, spacing: float, n: int, about: str = "") -> None:
+    """Raises ValueError unless FEWEST <= n <= asset.max_particles."""
+    if n > asset.max_particles:
+        raise ValueError(
+            f"asset.max_particles={asset.max_particles} but the object needs {about}{n} particles {spacing:g} m apart: "
+            f"lower solver.cells or asset.size={asset.size:g}, or raise asset.max_particles."
+        )
+    if n < FEWEST and not about:
+        raise ValueError(
+            f"asset.size={asset.size:g} gives {n} particles {spacing:g} m apart, at least {FEWEST} are needed: "
+            "raise asset.size or solver.cells."
+        )
+
+
+def remarks(filling: Filling) -> tuple[str, ...]:
+    """What a user should know about a filling."""
+    if filling.thin < 0.01:
+        return ()
+    return (f"{filling.thin:.0%} of the volume is thinner than a particle spacing: raise solver.cells or asset.size.",)

@@ -1,0 +1,144 @@
+"""Distance functions of simple solids, negative inside, and the ways to join them; points are [N, 3], results [N]."""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating[Any]]
+Vector = Sequence[float]
+
+
+BLOCK = 1 << 14  # points worked on at a time, so that the intermediate arrays stay in the cache
+Field = TypeVar("Field", bound=Callable[..., Array])
+
+
+def in_blocks(function: Field) -> Field:
+    """Lets a function of arrays that share their first axis run on a block of points at a time."""
+
+    @functools.wraps(function)
+    def run(*arrays: Array) -> Array:
+        starts = range(0, max(len(arrays[0]), 1), BLOCK)
+        return np.concatenate([function(*(a[i : i + BLOCK] for a in arrays)) for i in starts])
+
+    return cast(Field, run)
+
+
+def norm(v: Array) -> Array:
+    """Euclidean length over the last axis; for [N, 3] faster than `np.linalg.norm`."""
+    out: Array = np.sqrt(np.einsum("...i,...i->...", v, v))
+    return out
+
+
+def vector(v: Vector, like: Array) -> Array:
+    """A constant vector in the precision of `like`, so that single-precision points stay single."""
+    return np.asarray(v, dtype=like.dtype)
+
+
+def smoothstep(low: float, high: float, x: Array) -> Array:
+    """0 below `low`, 1 above `high`, a C^1 cubic between; `low` > `high` turns it round."""
+    t = np.clip((x - low) / (high - low), 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def rotate(P: Array, axis: int, degrees: float) -> Array:
+    """Points turned counter-clockwise about coordinate axis 0, 1 or 2 (seen against that axis)."""
+    c, s = float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    Q = P.copy()
+    Q[:, i], Q[:, j] = c * P[:, i] - s * P[:, j], s * P[:, i] + c * P[:, j]
+    return Q
+
+
+def tilt(P: Array, degrees: float, squeeze: float) -> Array:
+    """View points to the upright coordinates of an object that leans its top to the viewer, squeezed along the view.
+
+    The squeeze leaves the picture from +z as it is and takes volume, hence cost, from what the picture does not show.
+    """
+    return rotate(unsqueeze(P, squeeze), 0, -degrees)
+
+
+def unsqueeze(P: Array, squeeze: float) -> Array:
+    """Points of an object that is flattened along z by `squeeze`, in its round coordinates."""
+    return P * vector((1, 1, 1 / squeeze), P)
+
+
+def mirror(P: Array, axis: int) -> Array:
+    """Points folded onto the positive side of one axis."""
+    Q = P.copy()
+    Q[:, axis] = np.abs(P[:, axis])
+    return Q
+
+
+def fold_angle(P: Array, count: int) -> Array:
+    """Points turned about y into the one of `count` equal sectors that is centred on +z."""
+    sector = 2 * np.pi / count
+    angle = np.arctan2(P[:, 0], P[:, 2])
+    angle = angle - sector * np.round(angle / sector)
+    radius = np.hypot(P[:, 0], P[:, 2])
+    return np.stack([radius * np.sin(angle), P[:, 1], radius * np.cos(angle)], axis=1)
+
+
+def sphere(P: Array, centre: Vector, radius: float) -> Array:
+    """Ball."""
+    return norm(P - vector(centre, P)) - radius
+
+
+def ellipsoid(P: Array, centre: Vector, radii: Vector) -> Array:
+    """Axis-aligned ellipsoid, first-order: the implicit value over its gradient, exact on the surface."""
+    q, r = P - vector(centre, P), vector(radii, P)
+    k0, k1 = norm(q / r), norm(q / (r * r))
+    # At the centre both vanish: the limit is minus the smallest radius.
+    return np.where(k0 < 1e-3, -min(radii), k0 * (k0 - 1) / np.maximum(k1, 1e-6))
+
+
+def capsule(P: Array, a: Vector, b: Vector, ra: float, rb: float) -> Array:
+    """Line from `a` to `b` thickened by a radius that goes linearly from `ra` to `rb`."""
+    start, along = vector(a, P), vector(b, P) - vector(a, P)
+    t = np.clip((P - start) @ along / (along @ along), 0.0, 1.0)
+    return norm(P - start - t[:, None] * along) - (ra + (rb - ra) * t)
+
+
+def box2(u: Array, v: Array, half: tuple[float, float], rounding: float) -> Array:
+    """Rounded rectangle of half sizes `half` in coordinates (u, v)."""
+    x, y = np.abs(u) - (half[0] - rounding), np.abs(v) - (half[1] - rounding)
+    outside = np.hypot(np.maximum(x, 0), np.maximum(y, 0))
+    return outside + np.minimum(np.maximum(x, y), 0) - rounding
+
+
+def box(P: Array, centre: Vector, half: Vector, rounding: float) -> Array:
+    """Box of half sizes `half` with rounded edges."""
+    q = np.abs(P - vector(centre, P)) - (vector(half, P) - rounding)
+    return norm(np.maximum(q, 0)) + np.minimum(q.max(axis=1), 0) - rounding
+
+
+def cylinder(P: Array, centre: Vector, radius: float, half_height: float, rounding: float) -> Array:
+    """Upright cylinder (axis y) with rounded rims."""
+    q = P - vector(centre, P)
+    return box2(np.hypot(q[:, 0], q[:, 2]), q[:, 1], (radius, half_height), rounding)
+
+
+def torus(P: Array, centre: Vector, axis: int, major: float, minor: float) -> Array:
+    """Ring about the given coordinate axis."""
+    q = P - vector(centre, P)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    return np.hypot(np.hypot(q[:, i], q[:, j]) - major, q[:, axis]) - minor
+
+
+def extrude(section: Array, z: Array, half_depth: float, rounding: float) -> Array:
+    """Solid of a plane distance `section` between z = -half_depth and half_depth, with rounded edges."""
+    x, y = section + rounding, np.abs(z) - (half_depth - rounding)
+    return np.hypot(np.maximum(x, 0), np.maximum(y, 0)) + np.minimum(np.maximum(x, y), 0) - rounding
+
+
+def union(a: Array, b: Array, blend: float) -> Array:
+    """Both solids, joined by a fillet of about `blend` (cubic-free polynomial minimum)."""
+    h = np.clip(0.5 + 0.5 * (b - a) / blend, 0.0, 1.0)
+    return b + (a - b) * h - blend * h * (1 - h)
+
+
+def subtract(a: Array, b: Array, blend: float) -> Array:
+    """The first solid without the second, edges rounded by about `blend`."""
+    return -union(-a, b, blend)

@@ -1,0 +1,58 @@
+"""Where an object stands: turned, scaled to its largest extent, its bounding box centred in the domain.
+
+y is up, as in glTF. OBJ and STL files drawn with z up need asset.rotate_deg=[-90,0,0], and a trained 3DGS file in the
+axes of COLMAP (y down) needs asset.rotate_deg=[180,0,0].
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracsim.records import Array
+from fracsim.vocab import CENTRE, Asset
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The similarity W = scale (R p - middle) + CENTRE from object coordinates p to the world [m]."""
+
+    R: Array
+    """Rotation, (3, 3)."""
+    scale: float
+    """World metres a unit of the object."""
+    middle: Array
+    """Centre of the bounding box of the turned object, (3,)."""
+
+    def to_world(self, P: Array) -> Array:
+        """Points of the object, (N, 3), in the world [m]."""
+        world: Array = self.scale * (P @ self.R.T - self.middle) + CENTRE
+        return world
+
+    def to_object(self, W: Array) -> Array:
+        """Points of the world [m], (N, 3), in object coordinates."""
+        points: Array = ((W - CENTRE) / self.scale + self.middle) @ self.R
+        return points
+
+
+def rotation(degrees: list[float]) -> Array:
+    """The turn about x, then y, then z (fixed axes, right-handed) by three angles [deg], (3, 3) float64."""
+    R = np.eye(3)
+    for axis, angle in enumerate(degrees):
+        c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = c, -s, s, c
+        R = turn @ R
+    return R
+
+
+def fit(asset: Asset, lo: Array, hi: Array) -> Placement:
+    """Scales the turned bounding box [lo, hi], each (3,), to asset.size; raises ValueError when it has no extent."""
+    extent = float(np.max(hi - lo))
+    if not (math.isfinite(extent) and extent > 0):
+        raise ValueError(
+            f"asset.path={asset.path}: the object has the extent {extent:g}, it cannot be scaled to "
+            f"asset.size={asset.size:g} m. Give a file whose points differ and are finite."
+        )
+    return Placement(rotation(asset.rotate_deg), asset.size / extent, (lo + hi) / 2)

@@ -1,0 +1,57 @@
+"""The only place that starts Taichi."""
+
+import os
+from functools import cache
+from typing import Any
+
+from fracsim.vocab import Backend
+
+_started: Backend | None = None
+
+
+def start(backend: Backend) -> None:
+    """Start Taichi once a process; a second call with the same backend does nothing.
+
+    Raises RuntimeError when the backend is not available here, or differs from the one already running.
+    """
+    global _started
+    if _started is not None:
+        if _started != backend:
+            raise RuntimeError(
+                f"backend={backend} cannot replace {_started} in a running process: start a new process for it."
+            )
+        return
+    _require(backend.arch)
+    import taichi as ti
+
+    ti.init(
+        arch=getattr(ti, backend.arch),
+        default_fp=ti.f32,
+        offline_cache=True,
+        cpu_max_num_threads=threads(backend),
+        log_level=ti.ERROR,
+    )
+    _started = backend
+
+
+def threads(backend: Backend) -> int:
+    """Number of CPU threads in use: those asked for, at most those this process may use."""
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+    return min(backend.threads, available) if backend.threads else available
+
+
+def on_cpu() -> bool:
+    """Whether the running backend is a CPU."""
+    return _started is None or _started.arch == "cpu"
+
+
+@cache
+def _require(arch: str) -> None:
+    """Raise RuntimeError when Taichi cannot run on `arch` here; it would fall back to the CPU silently."""
+    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+    import taichi as ti
+
+    probes: dict[str, Any] = {"cuda": ti._lib.core.with_cuda, "vulkan": ti._lib.core.with_vulkan,
+                              "metal": ti._lib.core.with_metal}  # fmt: skip
+    if arch in probes and not probes[arch]():
+        raise RuntimeError(f"backend.arch={arch} is not available on this machine: use backend.arch=cpu.")

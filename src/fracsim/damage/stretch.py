@@ -1,0 +1,11 @@
+"""Damage by the largest principal stretch (Eq. 4 of the paper)."""
+
+import taichi as ti
+
+from fracsim.mpm.tensor import max_stretch
+
+
+@ti.func
+def raw(F, onset, crit):
+    d = (max_stretch(F, onset) - onset) / (crit - onset)
+    return ti.min(ti.max(d, d * 0), d * 0 + 1)

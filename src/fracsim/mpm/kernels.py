@@ -1,0 +1,100 @@
+"""The kernels that drive particles and nodes through substeps, one set a backend.
+
+A call runs n substeps: scatter, then n times (nodes, gather [+ scatter]), so that a particle is visited once a
+substep. On a CPU each thread owns a contiguous chunk of particles and a copy of the nodes these touch, which the
+nodes sum: no atomics, no colours, the same result in each run. One thread runs all n substeps in one serial kernel,
+since starting a parallel loop costs 50-90 us. On a GPU there is one chunk, and scattering is atomic.
+"""
+
+from functools import cache
+from typing import Any
+
+import taichi as ti
+
+from fracsim.mpm.node import node_function
+from fracsim.mpm.params import DT, REACH, SPEED, TIME
+from fracsim.mpm.particle import particle_function
+
+CHUNK = 512
+"""Taichi's CPU backend never splits a range loop finer than this: a loop over heavy items is padded by it."""
+
+
+@cache
+def types(real: Any) -> dict[str, Any]:
+    """The ndarray types of kernel arguments for one floating-point type."""
+    array = ti.types.ndarray
+    return {
+        "scalar": array(dtype=real, ndim=1),
+        "vector": array(dtype=ti.types.vector(3, real), ndim=1),
+        "vector4": array(dtype=ti.types.vector(4, real), ndim=1),
+        "matrix": array(dtype=ti.types.matrix(3, 3, real), ndim=1),
+        "index": array(dtype=ti.i32, ndim=1),
+        "table": array(dtype=ti.i32, ndim=2),
+    }
+
+
+@cache
+def substeps(law: str, damage: str, total: bool, soft: bool, drive: str, real: Any, wide: Any) -> Any:
+    """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
+
+    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag), grid, copies,
+    nodes, source, shift, start, books, faults. The other two run one substep: its number and whether to gather and
+    to scatter stand in the place of n.
+    """
+    atomic = drive == "gpu"
+    particle = particle_function(law, damage, total, soft, atomic, real)
+    node = node_function(total, soft, atomic, real)
+    t = types(real)
+    Scalar, Vector, Vector4, Matrix, Index, Table = t.values()
+    Books = ti.types.ndarray(dtype=wide, ndim=2)
+
+    @ti.func
+    def middle(step, K: ti.template()):
+        """Distance of the grips' middle planes from the centre at the end of a substep."""
+        return K[REACH] if ti.static(total) else K[REACH] + K[SPEED] * (K[TIME] + step * K[DT])
+
+    @ti.kernel
+    def serial(n: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix,
+               D: Scalar, volume: Scalar, tag: Index, grid: Vector4, copies: Vector4, nodes: Index, source: Table,
+               shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for step in range(n + 1):
+                if faults[0, 0] == 0:
+                    for p in range(X.shape[0]):
+                        particle(p, 0, step, step > 0, step < n, 0 + shift[0], sx, sy, K, X, U, V, C, F, D, volume,
+                                 tag, grid, copies, books, faults)  # fmt: skip
+                    if step < n:
+                        for q in range(nodes.shape[0]):
+                            node(q, 0, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+
+    @ti.kernel
+    def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
+                U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
+                copies: Vector4, nodes: Index, source: Table, shift: Index, start: Index, books: Books,
+                faults: Table):  # fmt: skip
+        for q in range(shift.shape[0] * CHUNK):
+            if q % CHUNK == 0:
+                c = q // CHUNK
+                for p in range(start[c], start[c + 1]):
+                    particle(p, c, step, gathers == 1, scatters == 1, shift[c], sx, sy, K, X, U, V, C, F, D, volume,
+                             tag, grid, copies, books, faults)  # fmt: skip
+        for q in range(shift.shape[0] * CHUNK):
+            if q % CHUNK == 0 and scatters == 1:
+                c, chunks = q // CHUNK, shift.shape[0]
+                for i in range(c * nodes.shape[0] // chunks, (c + 1) * nodes.shape[0] // chunks):
+                    node(i, c, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+
+    @ti.kernel
+    def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
+            U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
+            copies: Vector4, nodes: Index, source: Table, shift: Index, start: Index, books: Books,
+            faults: Table):  # fmt: skip
+        for p in range(X.shape[0]):
+            particle(p, 0, step, gathers == 1, scatters == 1, shift[0], sx, sy, K, X, U, V, C, F, D, volume, tag,
+                     grid, copies, books, faults)  # fmt: skip
+        for i in range(nodes.shape[0]):
+            if scatters == 1:
+                node(i, 0, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+
+    return {"serial": serial, "threads": threads, "gpu": gpu}[drive]

@@ -1,0 +1,92 @@
+"""Where particles and nodes lie in memory: computed by NumPy, once (`total`) or when particles have moved (`updated`)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracsim.records import Array
+
+BLOCK = 4
+"""Particles are sorted by blocks of BLOCK^3 cells, so that neighbours in space are neighbours in memory."""
+
+
+def order(y: Array) -> Array:
+    """Permutation that sorts particles at y [cells] by block, then by cell, x slowest."""
+    cell = np.floor(y - 0.5).astype(np.int64)
+    cell -= cell.min(axis=0)
+    block, inner = cell // BLOCK, cell % BLOCK
+    size = block.max(axis=0) + 1
+    key = ((block[:, 0] * size[1] + block[:, 1]) * size[2] + block[:, 2]) * BLOCK**3
+    key += (inner[:, 0] * BLOCK + inner[:, 1]) * BLOCK + inner[:, 2]
+    return np.argsort(key, kind="stable")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A dense box of nodes around the particles, of which only those near a particle are visited."""
+
+    lowest: Array
+    """Index of the box's first node in the infinite grid whose node 0 is the object's centre, (3,) int."""
+    shape: tuple[int, int, int]
+    """Nodes along each axis."""
+    start: Array
+    """Particles of chunk c are start[c] .. start[c + 1], (chunks + 1,) int32."""
+    nodes: Array
+    """Index in the box of each node near a particle, (M,) int32."""
+    source: Array
+    """Index of each such node in each chunk's copy, or -1, (M, chunks) int32."""
+    shift: Array
+    """Add to an index in the box to get the index in a chunk's copy, (chunks,) int32."""
+    copies: int
+    """Nodes in all copies together."""
+
+    @property
+    def strides(self) -> tuple[int, int]:
+        """Strides of the first two axes; the third is 1."""
+        return self.shape[1] * self.shape[2], self.shape[2]
+
+    @property
+    def size(self) -> int:
+        """Nodes in the box."""
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+
+def layout(y: Array, chunks: int, margin: int) -> Layout:
+    """The layout for particles at y [cells from the object's centre], valid until one moves by `margin` cells."""
+    cell = np.floor(y - 0.5).astype(np.int64)
+    lowest = cell.min(axis=0) - margin
+    cell -= lowest
+    shape = tuple(int(s) for s in cell.max(axis=0) + 3 + margin)
+    start = np.linspace(0, len(y), chunks + 1).astype(np.int32)
+    nodes = np.flatnonzero(_near(cell, shape, margin))
+    sx = shape[1] * shape[2]
+    plane = nodes // sx
+    source = np.full((len(nodes), chunks), -1, np.int32)
+    shift, total = np.zeros(chunks, np.int32), 0
+    for c in range(chunks):
+        x = cell[start[c] : start[c + 1], 0]
+        if not len(x):
+            continue
+        first, last = int(x.min()) - margin, int(x.max()) + 3 + margin
+        shift[c] = total - first * sx
+        mine = (plane >= first) & (plane < last)
+        source[mine, c] = nodes[mine] + shift[c]
+        total += (last - first) * sx
+    return Layout(lowest, shape, start, nodes.astype(np.int32), source, shift, total)  # type: ignore[arg-type]
+
+
+def _near(cell: Array, shape: tuple[int, ...], margin: int) -> Array:
+    """Mask of the nodes that a particle in one of the cells, or up to `margin` cells away, touches."""
+    occupied = np.zeros(shape, bool)
+    occupied[tuple(cell.T)] = True
+    for axis in range(3):
+        grown = occupied.copy()
+        for k in range(-margin, 3 + margin):
+            if k:
+                to = [slice(None)] * 3
+                at = [slice(None)] * 3
+                to[axis] = slice(max(k, 0), shape[axis] + min(k, 0))
+                at[axis] = slice(max(-k, 0), shape[axis] - max(k, 0))
+                grown[tuple(to)] |= occupied[tuple(at)]
+        occupied = grown
+    return occupied

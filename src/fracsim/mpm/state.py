@@ -1,0 +1,161 @@
+"""The arrays of one simulation on the device, and the order of kernel launches."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from fracsim import backend
+from fracsim.mpm import params as slot
+from fracsim.mpm.grips import half_reach, tags
+from fracsim.mpm.kernels import substeps
+from fracsim.mpm.layout import Layout, layout
+from fracsim.mpm.survey import stress, survey
+from fracsim.mpm.timestep import damping
+from fracsim.records import Array, Particles
+from fracsim.vocab import CENTRE, Scene
+
+MARGIN = 2
+"""In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
+MAX_NODES = 2**28
+"""No grid larger than this is made (4 GiB in float32)."""
+
+
+def reals(precision: str) -> tuple[Any, Any]:
+    """Taichi's and NumPy's type for `solver.precision`."""
+    return (ti.f64, np.float64) if precision == "float64" else (ti.f32, np.float32)
+
+
+@dataclass
+class Peaks:
+    """Maxima over the particles at one instant."""
+
+    stiffness: float
+    compression: float
+    fastest: float
+    rate: float
+    moved: float
+
+
+class State:
+    """Particles (sorted by `Particles` order given) and grid of one simulation on the device."""
+
+    def __init__(self, scene: Scene, particles: Particles) -> None:
+        self.scene, self.n = scene, len(particles)
+        self.total = scene.solver.formulation == "total"
+        self.real, self.dtype = reals(scene.solver.precision)
+        self.tag = tags(scene, particles.X)
+        self.chunks = backend.threads(scene.backend) if backend.on_cpu() else 1
+        self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
+        self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
+        self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
+        self._allocate(particles)
+        self._fill_parameters()
+        self.relayout(self.X0)
+
+    def _allocate(self, particles: Particles) -> None:
+        """Make the particle arrays; grips move from the first instant on."""
+        n, real = self.n, self.real
+        self.X, self.U, self.V = (ti.Vector.ndarray(3, real, n) for _ in range(3))
+        self.C, self.F = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
+        self.D, self.volume = (ti.ndarray(real, n) for _ in range(2))
+        self.label = ti.ndarray(ti.i32, n)
+        self.anchor = ti.Vector.ndarray(3, real, n)
+        self.tau = ti.Matrix.ndarray(3, 3, real, n)
+        self.energy = ti.ndarray(real, n)
+        self.X.from_numpy(self.X0)
+        self.volume.from_numpy(particles.volume.astype(self.dtype))
+        self.label.from_numpy(self.tag)
+        self.F.from_numpy(np.tile(np.eye(3, dtype=self.dtype), (n, 1, 1)))
+        load = self.scene.loading
+        side = self.tag % slot.EXEMPT - slot.FREE
+        self.V.from_numpy((side[:, None] * load.speed * np.asarray(load.axis)).astype(self.dtype))
+        self.books = ti.ndarray(self.wide, (self.chunks, slot.BOOKS))
+        self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
+        self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
+
+    def _fill_parameters(self) -> None:
+        """Constants of the scene; DT, TIME, ETA and KEEP follow at each call."""
+        s, K = self.scene, np.zeros(slot.PARAMETERS)
+        K[slot.H], K[slot.RH] = s.solver.h, 1 / s.solver.h
+        K[slot.MU], K[slot.LAM], K[slot.DENSITY] = s.material.mu, s.material.lam, s.material.density
+        K[slot.ONSET], K[slot.CRIT] = s.fracture.onset, s.fracture.crit
+        K[slot.SPEED], K[slot.UX : slot.UZ + 1] = s.loading.speed, s.loading.axis
+        K[slot.REACH], K[slot.HALF] = s.loading.offset, half_reach(s)
+        K[slot.GX : slot.GZ + 1] = s.loading.gravity
+        K[slot.MAX_SPEED] = s.solver.max_speed
+        K[slot.WALL] = 1.0 - 3 * s.solver.h if s.solver.walls else 0.0
+        self.K = K
+        self.parameters = ti.ndarray(self.real, slot.PARAMETERS)
+
+    def relayout(self, x: Array) -> None:
+        """Lay the grid around particles at x [m from the object's centre]."""
+        self.layout = layout(x / self.scene.solver.h, self.chunks, 0 if self.total else MARGIN)
+        if max(self.layout.size, self.layout.copies) > MAX_NODES:
+            raise ValueError(
+                f"the grid would need {self.layout.size:,} nodes: choose fewer solver.cells={self.scene.solver.cells}."
+            )
+        self.K[slot.LX : slot.LZ + 1] = self.layout.lowest
+        self.K[slot.NX : slot.NZ + 1] = self.layout.shape
+        self._place_grid(self.layout)
+        self.anchor.copy_from(self.U)
+
+    def _place_grid(self, grid: Layout) -> None:
+        """Device arrays of a layout, the momenta zero."""
+
+        def device(values: Array) -> Any:
+            array = ti.ndarray(ti.i32, values.shape)
+            array.from_numpy(np.ascontiguousarray(values, np.int32))
+            return array
+
+        self.velocity = ti.Vector.ndarray(4, self.real, grid.size)
+        self.copies = ti.Vector.ndarray(4, self.real, max(grid.copies, 1))
+        self.nodes, self.source = device(grid.nodes), device(grid.source)
+        self.shift, self.start = device(grid.shift), device(grid.start)
+
+    def survey(self) -> Peaks:
+        """Maxima that limit the next substeps."""
+        self.parameters.from_numpy(self.K.astype(self.dtype))
+        look = survey(self.scene.material.law, self.total, self.real)
+        look(self.parameters, self.U, self.V, self.C, self.F, self.D, self.anchor, self.start, self.peaks)
+        return Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
+
+    def run(self, n: int, dt: float, t: float) -> None:
+        """Advance by n substeps of length dt [s], from time t [s]."""
+        damp = damping(self.scene, dt)
+        self.K[slot.DT], self.K[slot.TIME] = dt, t
+        self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
+        self.parameters.from_numpy(self.K.astype(self.dtype))
+        s = self.scene
+        soft = s.loading.grips == "soft"
+        kernel = substeps(s.material.law, s.fracture.law, self.total, soft, self.drive, self.real, self.wide)
+        arrays = (
+            *self.layout.strides, self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume,
+            self.label, self.velocity, self.copies, self.nodes, self.source, self.shift, self.start, self.books,
+            self.faults,
+        )  # fmt: skip
+        if self.drive == "serial":
+            kernel(n, *arrays)
+            return
+        for step in range(n + 1):
+            kernel(step, int(step > 0), int(step < n), *arrays)
+
+    def fault(self) -> tuple[int, int, int]:
+        """Kind, particle and substep of the earliest fault; kind 0 when there is none."""
+        rows = self.faults.to_numpy()
+        rows = rows[rows[:, 0] != slot.NO_FAULT]
+        if not len(rows):
+            return slot.NO_FAULT, -1, -1
+        kind, particle, step = rows[np.argmin(rows[:, 2])]
+        return int(kind), int(particle), int(step)
+
+    def stress(self) -> tuple[Array, Array]:
+        """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa]."""
+        m = self.scene.material
+        stress(m.law, self.real)(m.mu, m.lam, self.F, self.D, self.tau, self.energy)
+        return self.tau.to_numpy(), self.energy.to_numpy()
+
+    def booked(self) -> Array:
+        """The running sums, (BOOKS,) float64."""
+        return np.asarray(self.books.to_numpy(), np.float64).sum(axis=0)

@@ -1,0 +1,74 @@
+"""What the next substeps must respect, read off all particles at once; and what a frame shows of them."""
+
+from functools import cache
+from typing import Any
+
+import taichi as ti
+
+from fracsim.mpm.kernels import CHUNK, types
+from fracsim.mpm.params import COMPRESSION, FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
+from fracsim.mpm.tensor import J_MIN, cofactor, principal_stretches, volume_ratio
+from fracsim.registry import load
+
+
+@cache
+def survey(law_name: str, total: bool, real: Any) -> Any:
+    """The kernel `peaks[chunk, slot] = max over particles of` (stiffness bound, |F^-1|^2, speed, rate, moved).
+
+    Arguments: parameters, U, V, C, F, D, displacements at the last layout, start, peaks.
+    """
+    law = load("fracsim.constitutive", law_name, "material.law")
+    Scalar, Vector, _, Matrix, Index, _ = types(real).values()
+    Peaks = ti.types.ndarray(dtype=real, ndim=2)
+
+    @ti.func
+    def inspect(p, K: ti.template(), U: ti.template(), V: ti.template(), C: ti.template(), F: ti.template(),
+                anchor: ti.template()):  # fmt: skip
+        l = principal_stretches(F[p])
+        J = ti.max(l[0] * l[1] * l[2], J_MIN)
+        out = ti.Vector.zero(real, PEAKS)
+        if ti.static(total):
+            out[STIFFNESS] = law.bound_total(l, J, K[MU], K[LAM])
+            out[COMPRESSION] = 1 / (l[2] * l[2])
+        else:
+            out[STIFFNESS] = law.bound_updated(l, J, K[MU], K[LAM])
+            out[COMPRESSION] = l[2] / l[2]
+        out[FASTEST] = V[p].norm()
+        out[RATE] = C[p].norm()
+        out[MOVED] = ti.abs(U[p] - anchor[p]).max()
+        return out
+
+    @ti.kernel
+    def look(K: Scalar, U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, anchor: Vector, start: Index,
+             peaks: Peaks):  # fmt: skip
+        for q in range(peaks.shape[0] * CHUNK):
+            if q % CHUNK == 0:
+                c = q // CHUNK
+                most = ti.Vector.zero(real, PEAKS)
+                for p in range(start[c], start[c + 1]):
+                    if not ti.static(total) or D[p] < 1:
+                        most = ti.max(most, inspect(p, K, U, V, C, F, anchor))
+                for k in ti.static(range(PEAKS)):
+                    peaks[c, k] = most[k]
+
+    return look
+
+
+@cache
+def stress(law_name: str, real: Any) -> Any:
+    """The kernel tau = (1 - d) P F^T (Eqs. 3 and 5) for all particles; arguments: mu, lam, F, D, tau, energy.
+
+    `energy` is the strain energy density (1 - d) psi [Pa].
+    """
+    law = load("fracsim.constitutive", law_name, "material.law")
+    Scalar, _, _, Matrix, _, _ = types(real).values()
+
+    @ti.kernel
+    def evaluate(mu: real, lam: real, F: Matrix, D: Scalar, tau: Matrix, energy: Scalar):
+        for p in range(F.shape[0]):
+            K = cofactor(F[p])
+            J = ti.max(volume_ratio(F[p], K), J_MIN)
+            tau[p] = (1 - D[p]) * (law.piola(F[p], K, J, mu, lam) @ F[p].transpose())
+            energy[p] = (1 - D[p]) * law.psi(F[p], mu, lam)
+
+    return evaluate

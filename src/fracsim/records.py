@@ -1,0 +1,75 @@
+"""Records of arrays that travel between the stages: particles at rest, a frame of the simulation."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Material points at rest, each also a Gaussian; N particles, K = (SH degree + 1)^2 coefficients."""
+
+    X: Array
+    """Rest positions [m], (N, 3) float32."""
+    volume: Array
+    """Rest volumes [m^3], (N,) float32; they sum to the object's true volume."""
+    covariance: Array
+    """Rest covariances A_p as xx, xy, xz, yy, yz, zz [m^2], (N, 6) float32."""
+    opacity: Array
+    """Opacities in [0, 1], (N,) float32."""
+    sh: Array
+    """Spherical-harmonic colour coefficients in the layout of 3DGS, (N, K, 3) float32."""
+    surface: Array
+    """Whether the particle lies on the surface, (N,) bool."""
+    spacing: float
+    """Distance of interior particles at rest [m]."""
+    notes: tuple[str, ...] = field(default=())
+    """What a user should know about how the object was made."""
+
+    def __post_init__(self) -> None:
+        n = len(self.X)
+        for name, tail in (("X", (3,)), ("volume", ()), ("covariance", (6,)), ("opacity", ()), ("surface", ())):
+            shape = getattr(self, name).shape
+            assert shape == (n, *tail), f"Particles.{name} has shape {shape}, expected {(n, *tail)}"
+        assert self.sh.ndim == 3 and len(self.sh) == n and self.sh.shape[2] == 3
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The state of all particles at t = index / fps, in the order of `Particles`."""
+
+    index: int
+    t: float
+    """Time [s]."""
+    x: Array
+    """Positions [m], (N, 3)."""
+    v: Array
+    """Velocities [m/s], (N, 3)."""
+    F: Array
+    """Deformation gradients, (N, 3, 3); of failed particles with the stretch capped at lambda_crit."""
+    tau: Array
+    """Degraded Kirchhoff stresses (1 - d) tau [Pa], (N, 3, 3)."""
+    d: Array
+    """Damage in [0, 1], (N,)."""
+
+    @property
+    def J(self) -> Array:
+        """Volume ratios det F, (N,)."""
+        return np.linalg.det(self.F)
+
+    @property
+    def stress(self) -> Array:
+        """Degraded Cauchy stresses tau / J [Pa], (N, 3, 3)."""
+        return self.tau / self.J[:, None, None]
+
+    @property
+    def failed(self) -> Array:
+        """Whether d reached 1, (N,) bool."""
+        return self.d >= 1

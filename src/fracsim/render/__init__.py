@@ -1,0 +1,1 @@
+"""Deformed Gaussians to pictures: camera, projection, tiles, compositing; `splat` is the host that calls them."""

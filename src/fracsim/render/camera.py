@@ -1,0 +1,125 @@
+"""Pinhole cameras as plain records, and the projection of points for tracks; no Taichi here.
+
+Camera space has x right, y DOWN and z forward, the convention of 3DGS and OpenCV. Pixel (column, row) has its centre
+at (column + 0.5, row + 0.5), so the picture spans [0, width] x [0, height].
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracsim.records import Array
+
+NEAR = 0.2
+"""Depth up to which Gaussians and points are culled [m], as in 3DGS (Kerbl et al. 2023)."""
+TILE = 16
+"""Edge of a square tile [px]; pictures are whole tiles."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A pinhole camera: pose, focal lengths and principal point, picture size; raises ValueError on a bad one."""
+
+    world_to_camera: Array
+    """Rigid motion from world [m] to camera space [m], (4, 4) float64."""
+    fx: float
+    """Focal length along image x [px]."""
+    fy: float
+    """Focal length along image y [px]."""
+    cx: float
+    """Image x of the optical axis [px]."""
+    cy: float
+    """Image y of the optical axis [px]."""
+    width: int
+    """Picture width [px], a multiple of TILE."""
+    height: int
+    """Picture height [px], a multiple of TILE."""
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            size = getattr(self, name)
+            if size < TILE or size % TILE:
+                raise ValueError(f"camera.{name}={size} must be a positive multiple of {TILE}, as 512.")
+        for name in ("fx", "fy"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"camera.intrinsics: {name}={getattr(self, name)} must be positive and finite [px].")
+        object.__setattr__(self, "world_to_camera", _rigid(self.world_to_camera))
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation from world to camera axes, (3, 3)."""
+        return self.world_to_camera[:3, :3]
+
+    @property
+    def eye(self) -> Array:
+        """Position of the pinhole in the world [m], (3,)."""
+        return -self.rotation.T @ self.world_to_camera[:3, 3]
+
+
+def _rigid(matrix: Array) -> Array:
+    """`matrix` as (4, 4) float64; raises ValueError unless it is a rotation and a translation."""
+    pose = np.asarray(matrix, dtype=np.float64)
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise ValueError(f"camera.matrix has shape {pose.shape}: give 16 finite numbers, by rows.")
+    R = pose[:3, :3]
+    # 1e-4 passes a matrix written with five digits; a scaled or mirrored one is far outside.
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0 or (pose[3] != (0, 0, 0, 1)).any():
+        raise ValueError(
+            f"camera.matrix={pose.tolist()} is not a rigid motion: its upper left 3 x 3 must be a rotation "
+            "(no scale, no mirror) and its last row 0 0 0 1; take the world-to-camera matrix, x right, y down, z ahead."
+        )
+    return pose
+
+
+def look_at(
+    eye: Array, centre: Array, up: Array, fx: float, fy: float, cx: float, cy: float, width: int, height: int
+) -> View:
+    """The view from `eye` [m] to `centre` [m] with `up` upwards in the picture, each (3,).
+
+    Raises ValueError when eye and centre coincide, or up points along the line of sight.
+    """
+    eye, forward = np.asarray(eye, dtype=np.float64), np.subtract(centre, eye, dtype=np.float64)
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(forward) * np.linalg.norm(up):
+        raise ValueError(f"camera: from eye={eye.tolist()} to centre={centre} with up={up} leaves the picture's "
+                         "turn open: move the eye, or choose an up that is not along the line of sight.")  # fmt: skip
+    axes = np.stack([right, np.cross(forward, right), forward])
+    pose = np.eye(4)
+    pose[:3, :3] = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    pose[:3, 3] = -pose[:3, :3] @ eye
+    return View(pose, fx, fy, cx, cy, width, height)
+
+
+def framing(
+    centre: Array,
+    half_width: float,
+    half_height: float,
+    fov_deg: float,
+    azimuth_deg: float,
+    elevation_deg: float,
+    width: int,
+    height: int,
+) -> View:
+    """The view that just holds a rectangle of half sizes [m] around `centre` [m] facing the camera.
+
+    `fov_deg` is the vertical field of view. At azimuth and elevation 0 the camera looks along -z with y up; azimuth
+    turns it counter-clockwise seen from above, elevation lifts it. What stands nearer than the rectangle looks larger
+    and needs a margin.
+    """
+    focal = 0.5 * height / math.tan(math.radians(fov_deg) / 2)
+    distance = focal * max(2 * half_width / width, 2 * half_height / height)
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    sin, cos = math.sin(elevation), math.cos(elevation)
+    towards_eye = np.array([math.sin(azimuth) * cos, sin, math.cos(azimuth) * cos])
+    # The derivative of towards_eye by elevation: up, also straight above and below.
+    up = np.array([-math.sin(azimuth) * sin, cos, -math.cos(azimuth) * sin])
+    eye = np.asarray(centre) + distance * towards_eye
+    return look_at(eye, centre, up, focal, focal, width / 2, height / 2, width, height)
+
+
+def project(view: View, points: Array) -> tuple[Array, Array]:
+    """Image positions [px], (N, 2), and depths [m], (N,), of points [m], (N, 3); NaN positions up to depth 0."""
+    x, y, z = (np.asarray(points) @ view.rotation.T + view.world_to_camera[:3, 3]).T
+    ahead = np.where(z > 0, z, np.nan)
+    return np.stack([view.fx * x / ahead + view.cx, view.fy * y / ahead + view.cy], axis=1), z

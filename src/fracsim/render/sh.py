@@ -1,0 +1,74 @@
+"""Colour from real spherical harmonics of degree 0 to 3: order, signs and offset of 3DGS (Kerbl et al. 2023).
+
+A Gaussian that turns carries its colour along: f'(d) = f(R^T d). The coefficients of f' follow from those of f by a
+block-diagonal (Wigner) matrix; evaluating f in the direction turned back, R^T d, is the same function without it.
+"""
+
+from functools import cache
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from taichi.lang.util import to_taichi_type
+
+from fracsim.records import Array
+
+C0 = sqrt(1 / (4 * pi))
+C1 = sqrt(3 / (4 * pi))
+C2 = sqrt(15 / (4 * pi)), sqrt(5 / (16 * pi))
+C3 = sqrt(35 / (32 * pi)), sqrt(105 / (4 * pi)), sqrt(21 / (32 * pi)), sqrt(7 / (16 * pi))
+
+
+@ti.func
+def basis(x, y, z, k: ti.template()):
+    """The k = 1, 4, 9 or 16 functions in the unit direction (x, y, z), order m = -l..l, Condon-Shortley phase."""
+    Y = ti.Vector([0 * x] * k)
+    Y[0] = C0
+    if ti.static(k > 1):
+        Y[1], Y[2], Y[3] = -C1 * y, C1 * z, -C1 * x
+    if ti.static(k > 4):
+        Y[4], Y[5], Y[7] = C2[0] * x * y, -C2[0] * y * z, -C2[0] * x * z
+        Y[6], Y[8] = C2[1] * (3 * z * z - 1), C2[0] / 2 * (x * x - y * y)
+    if ti.static(k > 9):
+        Y[9], Y[15] = -C3[0] * y * (3 * x * x - y * y), -C3[0] * x * (x * x - 3 * y * y)
+        Y[10], Y[14] = C3[1] * x * y * z, C3[1] / 2 * z * (x * x - y * y)
+        Y[11], Y[13] = -C3[2] * y * (5 * z * z - 1), -C3[2] * x * (5 * z * z - 1)
+        Y[12] = C3[3] * z * (5 * z * z - 3)
+    return Y
+
+
+@cache
+def evaluator(k: int, dtype: Any) -> Any:
+    """The kernel (sh [N, k, 3], unit directions [N, 3], out colour [N, 3]): max(0, 0.5 + sum of sh times basis)."""
+
+    @ti.kernel
+    def evaluate(
+        sh: ti.types.ndarray(dtype=dtype, ndim=3),  # [N, k, 3]
+        directions: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 3]
+        out: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 3]
+    ):
+        for g in range(directions.shape[0]):
+            Y = basis(directions[g, 0], directions[g, 1], directions[g, 2], k)
+            for c in ti.static(range(3)):
+                value = dtype(0.5)
+                for i in ti.static(range(k)):
+                    value += Y[i] * sh[g, i, c]
+                out[g, c] = ti.max(value, 0)
+
+    return evaluate
+
+
+def colour(sh: Array, directions: Array) -> Array:
+    """Colours, (N, 3), of coefficients (N, K, 3), K = 1, 4, 9 or 16, seen along directions (N, 3) of any length.
+
+    Directions run from the eye to the Gaussian; colours are not negative but may exceed 1. Raises ValueError for
+    another K. Source: Kerbl et al. 2023.
+    """
+    n, k = sh.shape[:2]
+    if k not in (1, 4, 9, 16):
+        raise ValueError(f"sh has {k} coefficients a Gaussian: give 1, 4, 9 or 16 (degree 0 to 3).")
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    out = np.empty((n, 3), sh.dtype)
+    evaluator(k, to_taichi_type(sh.dtype))(np.ascontiguousarray(sh), np.ascontiguousarray(unit, sh.dtype), out)
+    return out

@@ -1,0 +1,104 @@
+"""The host of the rasteriser: project, order, bin, composite; one call, one pass over all features."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from taichi.lang.util import to_taichi_type
+
+from fracsim.records import Array
+from fracsim.render import sh as harmonics
+from fracsim.render import tiles
+from fracsim.render.camera import NEAR, TILE, View
+from fracsim.render.camera import project as project_points
+from fracsim.render.composite import compositor
+from fracsim.render.project import projector
+
+
+class Splatter:
+    """Renders Gaussians seen from one view; buffers are kept between frames and grow when needed."""
+
+    def __init__(self, view: View, features: int, dtype: Any = np.float32) -> None:
+        """`features` channels a Gaussian; arithmetic and results in `dtype`, float32 or float64."""
+        self.view, self.features, self.dtype = view, features, np.dtype(dtype)
+        self._pose = np.ascontiguousarray(view.world_to_camera, self.dtype)
+        self._lens = np.array([view.fx, view.fy, view.cx, view.cy, view.width, view.height], self.dtype)
+        self._project = projector(to_taichi_type(self.dtype))
+        self._composite = compositor(features, to_taichi_type(self.dtype))
+        rows, columns = view.height // TILE, view.width // TILE
+        self._table = ti.ndarray(ti.i32, (tiles.CHUNKS, rows, columns))
+        self._starts = ti.ndarray(ti.i32, rows * columns + 1)
+        self._entries = ti.ndarray(ti.i32, 1)
+        self._reserve(1)
+
+    def render(
+        self, means: Array, covariance: Array, F: Array, opacity: Array, features: Array
+    ) -> tuple[Array, Array, Array]:
+        """Image (H, W, C), alpha (H, W) and median depth (H, W) [m] of N Gaussians.
+
+        means (N, 3) [m]; covariance (N, 6) at rest, xx xy xz yy yz zz [m^2], shown as F A F^T; F (N, 3, 3); opacity
+        (N,) in [0, 1]; features (N, C). No background is blended in: add background * (1 - alpha). The median depth is
+        where the transmittance falls below 1/2, infinite where it does not. Raises ValueError on a wrong shape.
+        """
+        given = {"means": means, "covariance": covariance, "F": F, "opacity": opacity, "features": features}
+        gaussians = [self._checked(name, array, len(means)) for name, array in given.items()]
+        size = self.view.height, self.view.width
+        image = np.zeros((*size, self.features), self.dtype)
+        alpha, median = np.zeros(size, self.dtype), np.full(size, np.inf, self.dtype)
+        if len(means) and self._bin(*gaussians[:4]):
+            self._composite(
+                self._starts, self._entries, self._ellipse, self._depth, gaussians[4], image, alpha, median
+            )
+        return image, alpha, median
+
+    def _checked(self, name: str, array: Array, n: int) -> Array:
+        """The array as the kernels take it; raises ValueError unless it has its shape for n Gaussians."""
+        tail = {"means": (3,), "covariance": (6,), "F": (3, 3), "opacity": (), "features": (self.features,)}[name]
+        if array.shape != (n, *tail):
+            raise ValueError(f"splat: {name} has shape {array.shape}, expected {(n, *tail)}.")
+        return np.ascontiguousarray(array, self.dtype)
+
+    def _bin(self, means: Array, covariance: Array, F: Array, opacity: Array) -> int:
+        """Project, order by depth and list the Gaussians of each tile; returns the number of entries."""
+        self._reserve(len(means))
+        self._project(means, covariance, F, opacity, self._pose, self._lens,
+                      self._depth, self._rectangle, self._ellipse)  # fmt: skip
+        order = tiles.depth_order(self._depth.to_numpy()[: len(means)])
+        tiles.count(order, self._rectangle, self._table)
+        chunk_starts, tile_starts = tiles.starts(self._table.to_numpy())
+        total = int(tile_starts[-1])
+        if total > self._entries.shape[0]:
+            self._entries = ti.ndarray(ti.i32, total + total // 4)
+        self._table.from_numpy(chunk_starts)
+        self._starts.from_numpy(tile_starts)
+        tiles.fill(order, self._rectangle, self._table, self._entries)
+        return total
+
+    def _reserve(self, n: int) -> None:
+        """Make room for the projection of n Gaussians."""
+        if n == 1 or n > self._depth.shape[0]:
+            real = to_taichi_type(self.dtype)
+            self._depth = ti.ndarray(real, n)
+            self._rectangle = ti.ndarray(ti.i32, (n, 4))
+            self._ellipse = ti.ndarray(real, (n, 8))
+
+
+def colours(view: View, means: Array, sh: Array, R: Array) -> Array:
+    """Colours, (N, 3), of Gaussians at means (N, 3) [m] that turned by R (N, 3, 3), with coefficients sh (N, K, 3).
+
+    Directions from the eye are turned back by R^T (see `fracsim.render.sh`). Raises ValueError unless K is 1, 4, 9
+    or 16.
+    """
+    return harmonics.colour(sh, np.einsum("nji,nj->ni", R, means - view.eye))
+
+
+def visibility(view: View, median: Array, points: Array, tolerance: float) -> Array:
+    """Whether each point, (N, 3) [m], is seen: in the picture, and at most `tolerance` [m] behind the median depth.
+
+    `median` is the third result of `Splatter.render`: in front of a visible point at most half the light is lost.
+    """
+    xy, depth = project_points(view, points)
+    inside = (depth > NEAR) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)
+    column, row = xy[inside].astype(int).T
+    inside[inside] = depth[inside] <= median[row, column] + tolerance
+    return inside

@@ -1,0 +1,177 @@
+"""What is counted during a run: history over frames, energy balance, faults and warnings."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fracsim.mpm import params as slot
+from fracsim.records import Array, Frame, Particles
+from fracsim.vocab import Scene
+
+
+@dataclass(frozen=True)
+class Books:
+    """Running sums of one instant in SI units; works and losses in J, impulses in N s."""
+
+    impulse: float
+    """Pull of both grips, outwards, mean of the two."""
+    grip_work: float
+    decayed: float
+    viscous: float
+    damaged: float
+    released: float
+    gravity_work: float
+
+    @classmethod
+    def of(cls, sums: Array) -> "Books":
+        """From the sums of `State.booked`."""
+        pull = (sums[slot.PULL_HIGH] - sums[slot.PULL_LOW]) / 2
+        names = (slot.GRIP_WORK, slot.DECAYED, slot.VISCOUS, slot.DAMAGED, slot.RELEASED, slot.GRAVITY_WORK)
+        return cls(float(pull), *(float(sums[k]) for k in names))
+
+
+@dataclass
+class History:
+    """One number a frame; `dt_t` and `dt` one a round of substeps."""
+
+    t: list[float] = field(default_factory=list)
+    nominal_stretch: list[float] = field(default_factory=list)
+    load: list[float] = field(default_factory=list)
+    stretch_max: list[float] = field(default_factory=list)
+    damaged: list[float] = field(default_factory=list)
+    failed: list[float] = field(default_factory=list)
+    kinetic: list[float] = field(default_factory=list)
+    elastic: list[float] = field(default_factory=list)
+    dt_t: list[float] = field(default_factory=list)
+    dt: list[float] = field(default_factory=list)
+
+
+def largest_stretches(F: Array) -> Array:
+    """The largest singular value of each F, (N,): closed form for symmetric 3 x 3 matrices in float64."""
+    C = np.einsum("pki,pkj->pij", F, F, dtype=np.float64)
+    q = np.trace(C, axis1=1, axis2=2) / 3
+    B = C - q[:, None, None] * np.eye(3)
+    p = np.sqrt(np.einsum("pij,pij->p", B, B) / 6)
+    half_det = np.linalg.det(B / np.maximum(p, 1e-30)[:, None, None]) / 2
+    angle: Array = np.arccos(np.clip(half_det, -1, 1)) / 3
+    return np.sqrt(q + 2 * p * np.cos(angle))
+
+
+class Report:
+    """Collects `History` and the facts of the final table."""
+
+    def __init__(self, scene: Scene, particles: Particles, tag: Array, warnings: list[str]) -> None:
+        self.scene, self.warnings = scene, [*particles.notes, *warnings]
+        self.mass = particles.volume.astype(np.float64) * scene.material.density
+        self.volume = particles.volume.astype(np.float64)
+        self.exempt = int((tag >= slot.EXEMPT).sum())
+        self.free = tag < slot.EXEMPT
+        self.history, self.books = History(), Books(*([0.0] * 7))
+        self.substeps = self.clamped = 0
+        self.break_frame: int | None = None
+        self.torn_frame: int | None = None
+        self.stretch_max = 1.0
+        self._spacing = particles.spacing
+
+    @property
+    def parted(self) -> bool:
+        """Whether the object no longer holds together."""
+        return self.break_frame is not None or self.torn_frame is not None
+
+    def advanced(self, n: int, dt: float, t: float) -> None:
+        """Count n substeps of length dt that ended at t."""
+        self.substeps += n
+        self.history.dt_t.append(t)
+        self.history.dt.append(dt)
+
+    def frame(self, frame: Frame, books: Books, energy: Array, C: Array, verdict: str) -> None:
+        """Add a frame; `energy` is the strain energy density (N,), C the affine velocities (N, 3, 3)."""
+        h, load = self.history, self.scene.loading
+        stretch = largest_stretches(frame.F)
+        self.stretch_max = max(self.stretch_max, float(stretch.max()))
+        h.t.append(frame.t)
+        h.nominal_stretch.append(1 + 2 * load.speed * frame.t / load.gauge)
+        h.load.append((books.impulse - self.books.impulse) * self.scene.capture.fps)
+        h.stretch_max.append(float(stretch.max()))
+        h.damaged.append(float((frame.d > 0).mean()))
+        h.failed.append(float(frame.failed.mean()))
+        riding = frame.failed if self.scene.solver.formulation == "total" else np.zeros(len(frame.d), bool)
+        h.kinetic.append(self._kinetic(frame.v, C, riding))
+        h.elastic.append(float((energy * self.volume).sum()))
+        self.books = books
+        if verdict == "broken":
+            self.break_frame = frame.index
+        elif verdict == "torn":
+            self.torn_frame = frame.index
+
+    def _kinetic(self, v: Array, C: Array, riding: Array) -> float:
+        """Kinetic energy of the particles on the grid, affine motion included [J]."""
+        affine = self.scene.solver.h**2 / 4 * np.einsum("pij,pij->p", C, C)
+        speed2 = np.einsum("pi,pi->p", v, v)
+        return float((0.5 * self.mass * (speed2 + affine))[~riding].sum())
+
+    def energy(self) -> dict[str, float]:
+        """Where the work went [J]; `transfer` is what the books leave: losses of the particle-grid transfers."""
+        h, b = self.history, self.books
+        spent = {
+            "kinetic": h.kinetic[-1] - h.kinetic[0],
+            "elastic": h.elastic[-1] - h.elastic[0],
+            "damage": b.damaged,
+            "viscous": b.viscous,
+            "grid_decay": b.decayed,
+            "released": b.released,
+        }
+        work = b.grip_work + b.gravity_work
+        return {"grip_work": b.grip_work, "gravity_work": b.gravity_work, **spent,
+                "transfer": work - sum(spent.values())}  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """Plain numbers and strings for meta.json and the final table."""
+        h = self.history
+        return {
+            "break_frame": self.break_frame,
+            "torn_frame": self.torn_frame,
+            "particles": len(self.mass),
+            "stretch_max": self.stretch_max,
+            "damaged": h.damaged[-1],
+            "failed": h.failed[-1],
+            "peak_load": max(h.load),
+            "substeps": self.substeps,
+            "dt_min": min(h.dt, default=0.0),
+            "dt_max": max(h.dt, default=0.0),
+            "clamped": self.clamped,
+            "exempt_from_damage": self.exempt,
+            "energy": self.energy(),
+            "warnings": [*self.warnings, *self._findings()],
+        }
+
+    def _findings(self) -> list[str]:
+        """Warnings that follow from what happened."""
+        s, found = self.scene, []
+        if self.torn_frame is not None:
+            found.append(
+                f"numerically torn at frame {self.torn_frame}: the grid parted intact material "
+                f"(largest stretch {self.stretch_max:.2f}, fracture.onset={s.fracture.onset:g}); "
+                "use solver.formulation=total or more solver.particles_per_axis"
+            )
+        reach = self.stretch_max * self._spacing / s.solver.h
+        if s.solver.formulation == "updated" and self.torn_frame is None and reach > 0.8:
+            found.append(f"particles came to be {reach:.2f} cells apart: beyond 0.8 the grid begins to tear by itself")
+        if self.clamped:
+            found.append(f"J was clamped {self.clamped} times in the stress (J < 0.05)")
+        return found
+
+    def fault(self, kind: int, p: int, frame: int, step: int, x: Array, v: Array) -> str:
+        """The message for a fault of particle p."""
+        where = f"frame {frame}, substep {self.substeps - step} before the last of {self.substeps}, particle {p} at {x.round(3)} m"
+        if kind == slot.GRID_FAULT:
+            return f"{where} left the grid (field x): it flew off, or the motion is larger than the grid. " \
+                   "Use solver.formulation=total, or fewer capture.frames."  # fmt: skip
+        if not np.isfinite(v).all():
+            return f"{where}: field v is not finite. Likely the substep is too long for this material: " \
+                   "use solver.dt=auto or a smaller solver.safety."  # fmt: skip
+        return f"{where}: field v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={self.scene.solver.max_speed:g}. " \
+               "Likely the simulation is unstable: use solver.dt=auto or a smaller solver.safety."  # fmt: skip
+
+

@@ -1,0 +1,46 @@
+"""Failed particles ride with their side of the crack (`total`)."""
+
+import numpy as np
+
+from fracsim.records import Array
+
+CARRIERS = 8
+"""A failed particle follows up to this many intact ones."""
+TOGETHER = 3.0
+"""Carriers further than this many cells from the nearest one are on the other side of the crack."""
+
+
+class Ride:
+    """Positions and deformation of failed particles from the nearest intact ones of the rest configuration.
+
+    x = mean over carriers s of x_s + F_s (X - X_s), where the carriers are the intact particles nearest at rest that
+    are still near the nearest one: one side of the crack only. Velocity and F are means over the same carriers.
+    """
+
+    def __init__(self, X: Array, h: float) -> None:
+        self.X, self.h = X, h
+        self.count = -1
+
+    def _choose(self, failed: Array) -> None:
+        """Find carriers anew when more particles have failed."""
+        if int(failed.sum()) == self.count:
+            return
+        from scipy.spatial import cKDTree
+
+        self.count = int(failed.sum())
+        intact = np.flatnonzero(~failed)
+        near = cKDTree(self.X[intact]).query(self.X[failed], k=min(CARRIERS, len(intact)))[1]
+        self.carriers = intact[near.reshape(self.count, -1)]
+
+    def __call__(self, x: Array, v: Array, F: Array, failed: Array) -> None:
+        """Overwrite x, v and F of the failed particles in place."""
+        if not failed.any() or failed.all():
+            return
+        self._choose(failed)
+        s = self.carriers
+        near = np.linalg.norm(x[s] - x[s[:, :1]], axis=2) < TOGETHER * self.h
+        weight = (near / near.sum(axis=1, keepdims=True)).astype(x.dtype)
+        to = x[s] + np.einsum("pkij,pkj->pki", F[s], self.X[failed][:, None] - self.X[s])
+        x[failed] = np.einsum("pk,pki->pi", weight, to)
+        v[failed] = np.einsum("pk,pki->pi", weight, v[s])
+        F[failed] = np.einsum("pk,pkij->pij", weight, F[s])

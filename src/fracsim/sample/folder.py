@@ -1,0 +1,109 @@
+"""Where samples lie: claimed under a temporary name, put in place by renaming."""
+
+import os
+import shutil
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from fracsim.sample import schema
+from fracsim.vocab import Scene
+
+
+def find(scene: Scene) -> Path | None:
+    """The complete sample of `scene` in its output.folder, or None; looks at names and sizes, not at contents."""
+    place = root(scene) / schema.sample_id(scene)
+    return place if is_whole(place) else None
+
+
+def root(scene: Scene) -> Path:
+    """The folder in which samples of this scene are made."""
+    return Path(scene.output.folder).expanduser()
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether `folder` is marked complete and has all its files, in their full size."""
+    try:
+        meta = schema.read_meta(folder)
+        return bool(meta["complete"]) and not lacking(folder, meta)
+    except (ValueError, KeyError, TypeError):
+        return False
+
+
+def lacking(folder: Path, meta: dict[str, Any]) -> list[str]:
+    """Files of a sample that are missing or not of the size they had."""
+    sizes = {name: entry["bytes"] for name, entry in meta["files"].items()}
+    return [name for name, size in sizes.items() if not _has(folder / name, size)]
+
+
+def _has(path: Path, size: int) -> bool:
+    return path.is_file() and path.stat().st_size == size
+
+
+def claim(scene: Scene, identity: str, needed: int) -> Path:
+    """A fresh folder `<id>.partial-<pid>` in output.folder.
+
+    Raises ValueError naming output.folder when it cannot be written to, has not `needed` bytes free, or already holds
+    the complete sample and output.overwrite is off.
+    """
+    place, given = root(scene), f"output.folder={scene.output.folder}"
+    if is_whole(place / identity) and not scene.output.overwrite:
+        raise ValueError(f"{given} already holds {identity}, the sample of this scene: read that one, "
+                         "or set output.overwrite=true to make it again.")  # fmt: skip
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        partial = _fresh(place / f"{identity}.partial-{os.getpid()}")
+        free = shutil.disk_usage(place).free
+    except OSError as error:
+        raise ValueError(f"{given} cannot be written to ({error.strerror}): "
+                         "set output.folder to a folder you may write to.") from None  # fmt: skip
+    if free < needed:
+        partial.rmdir()
+        raise ValueError(f"{given} has {free / 1e6:.0f} MB free, but this sample may need {needed / 1e6:.0f} MB: free "
+                         "some space, set output.folder to a larger disk, or lower capture.frames.")  # fmt: skip
+    return partial
+
+
+def _fresh(wanted: Path) -> Path:
+    """`wanted`, or with a number behind it, newly made; a killed process may have left one of that name."""
+    path, number = wanted, 1
+    while True:
+        try:
+            path.mkdir()
+            return path
+        except FileExistsError:
+            path, number = wanted.with_name(f"{wanted.name}-{number}"), number + 1
+
+
+def publish(partial: Path, identity: str, overwrite: bool) -> Path:
+    """Give a complete sample its name, and return where it is; what was made in the meantime stays, or is replaced."""
+    target = partial.with_name(identity)
+    if target.exists():
+        if is_whole(target) and not overwrite:  # another process was faster
+            shutil.rmtree(partial)
+            return target
+        _swap(partial, target)
+    else:
+        partial.rename(target)
+    shutil.rmtree(partial.with_name(f"{identity}.incomplete"), ignore_errors=True)  # an earlier attempt
+    return target
+
+
+def _swap(partial: Path, target: Path) -> None:
+    aside = target.with_name(f"{target.name}.replaced-{os.getpid()}")
+    target.rename(aside)
+    try:
+        partial.rename(target)
+    except OSError:
+        aside.rename(target)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def shelve(partial: Path, identity: str) -> Path:
+    """Name an unfinished sample `<id>.incomplete`, in the place of an older one, and return where it is."""
+    target = partial.with_name(f"{identity}.incomplete")
+    with suppress(OSError):  # it stays readable under its temporary name
+        shutil.rmtree(target, ignore_errors=True)
+        return partial.rename(target)
+    return partial

@@ -1,0 +1,48 @@
+"""With what a sample was made."""
+
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import fracsim
+
+
+def provenance() -> dict[str, Any]:
+    """Versions of the packages that shape a sample, the platform, and the commit when run from a checkout."""
+    packages = {name: _version(name) for name in ("taichi", "numpy", "trimesh", "imageio-ffmpeg")}
+    return {
+        "fracsim": fracsim.__version__,
+        **packages,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        **_checkout(Path(fracsim.__file__).parents[2]),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+@cache
+def _checkout(root: Path) -> dict[str, Any]:
+    """Commit, and whether the sources differ from it; both None when `root` is not a git checkout."""
+    if not (root / ".git").exists():
+        return {"git_commit": None, "git_dirty": None}
+    commit = _git(root, "rev-parse", "--verify", "-q", "HEAD")
+    changes = _git(root, "status", "--porcelain", "--", "src", "conf")
+    return {"git_commit": commit or None, "git_dirty": None if changes is None else bool(changes)}
+
+
+def _git(root: Path, *words: str) -> str | None:
+    command = ["git", "--no-optional-locks", "-C", str(root), *words]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None

@@ -1,0 +1,106 @@
+"""Streams of frames to video files and back, through the ffmpeg that imageio-ffmpeg ships.
+
+The processes are run here, not by imageio_ffmpeg.write_frames, because that does not tell how the encoder ended: a
+full disk would pass for a finished file.
+"""
+
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from imageio_ffmpeg import get_ffmpeg_exe
+
+from fracsim.records import Array
+
+FPS = 25
+"""Playback rate of every file: slow motion for people, and whole milliseconds in Matroska. Times are in meta.json."""
+# FFV1 version 3: intra only, a CRC a slice. One cluster a frame, flushed, so that a killed encoder leaves whole frames.
+_FFV1 = ("-c:v", "ffv1", "-level", "3", "-g", "1", "-slices", "4", "-threads", "2",
+         "-cluster_time_limit", "1", "-flush_packets", "1")  # fmt: skip
+CODECS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "rgb": ("rgb24", ("-pix_fmt", "bgr0", "-coder", "rice", *_FFV1)),
+    "gray16": ("gray16le", ("-pix_fmt", "gray16le", "-coder", "range_tab", *_FFV1)),
+    "strip": ("rgb24", ("-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-preset", "veryfast",
+                        "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709",
+                        "-vf", "scale=out_color_matrix=bt709", "-movflags", "+faststart")),
+}  # fmt: skip
+"""Pixel format of a frame in memory, and how the encoder writes it."""
+_SHAPES: dict[str, tuple[tuple[int, ...], Any]] = {"rgb": ((3,), np.uint8), "gray16": ((), np.dtype("<u2"))}
+
+
+class Encoder:
+    """One video file that takes frames [height, width] or [height, width, 3] one by one."""
+
+    def __init__(self, path: Path, width: int, height: int, codec: str) -> None:
+        pixels, options = CODECS[codec]
+        self.path = path
+        self._said = tempfile.TemporaryFile()  # a pipe that nobody reads could fill and block
+        command = [get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", pixels,
+                   "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", *options, str(path)]  # fmt: skip
+        # A session of its own: Ctrl-C at the terminal must not end the encoder before its last frame.
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                                         stderr=self._said, start_new_session=True)  # fmt: skip
+
+    def write(self, frame: Array) -> None:
+        """Append a frame; raises OSError with the encoder's words when it has ended."""
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(memoryview(np.ascontiguousarray(frame)).cast("B"))
+        except OSError:
+            self.close()
+            raise OSError(f"the encoder of {self.path.name} ended early") from None
+
+    def close(self) -> None:
+        """Finish the file; raises OSError when the encoder failed. Later calls do nothing."""
+        if self._said.closed:
+            return
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.close()
+        except OSError:
+            pass  # it has ended already, and says below why
+        code = self._process.wait()
+        self._said.seek(0)
+        words = self._said.read().decode(errors="replace").strip()
+        self._said.close()
+        if code != 0:
+            raise OSError(f"the encoder of {self.path.name} ended with status {code}: {words or 'it said nothing'}")
+
+    def __enter__(self) -> "Encoder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def decode(path: Path, width: int, height: int, codec: str, frames: int) -> Array:
+    """The first `frames` frames, or as many whole ones as can be decoded, [T, height, width(, 3)].
+
+    uint8 for codec "rgb", uint16 for "gray16". Decoding stops at the first damaged frame.
+    """
+    tail, dtype = _SHAPES[codec]
+    out = np.empty((frames, height, width, *tail), dtype)
+    command = _reading(path, "-frames:v", str(max(frames, 1)), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        got = process.stdout.readinto(memoryview(out).cast("B")) if frames else 0  # type: ignore[attr-defined]
+        process.stdout.close()
+    return out[: got // max(out[:1].nbytes, 1)]
+
+
+def count(path: Path) -> int:
+    """Number of whole frames that can be decoded; 0 when the file cannot be read."""
+    listing = subprocess.run(_reading(path, "-f", "framecrc", "-"), capture_output=True)
+    return sum(not line.startswith(b"#") for line in listing.stdout.splitlines())
+
+
+def _reading(path: Path, *output: str) -> Sequence[str]:
+    # Without these, ffmpeg hands out a guess for a damaged frame.
+    strict = ("-xerror", "-err_detect", "explode")
+    return (get_ffmpeg_exe(), "-v", "error", *strict, "-i", str(path), "-map", "0:v:0", *output)

@@ -1,0 +1,143 @@
+"""The motion of a scene, frame by frame."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fracsim.cohesion import Cohesion
+from fracsim.mpm import params as slot
+from fracsim.mpm.layout import order
+from fracsim.mpm.state import MARGIN, Peaks, State
+from fracsim.mpm.timestep import GROWTH, limit, require_stable
+from fracsim.records import Array, Frame, Particles
+from fracsim.report import Books, Report
+from fracsim.ride import Ride
+from fracsim.vocab import CENTRE, Scene
+
+ROUND = 16
+"""Substeps between two looks at the stability bound."""
+MAX_CLAMPED = 1e-3
+"""Fraction of particles whose J may be clamped in a substep before the run stops."""
+
+Progress = Callable[[int, float, float], None]
+"""Called with substeps done, present dt [s] and present time [s]."""
+
+
+class SimulationError(RuntimeError):
+    """The simulation left its limits; says which particle, frame and field, and the likely cause."""
+
+
+def sort(scene: Scene, particles: Particles) -> Particles:
+    """Particles in the order in which they lie in memory: neighbours in space are neighbours there."""
+    by = order((particles.X - np.asarray(CENTRE)) / scene.solver.h)
+    names = ("X", "volume", "covariance", "opacity", "sh", "surface")
+    return replace(particles, **{name: getattr(particles, name)[by] for name in names})
+
+
+class Simulator:
+    """Runs a scene: `for frame in Simulator(scene, particles).frames(): ...`.
+
+    Frames hold particles in the order of `self.particles`. Raises ValueError for a scene that cannot run, and
+    SimulationError at the substep where something goes wrong.
+    """
+
+    def __init__(self, scene: Scene, particles: Particles, progress: Progress | None = None) -> None:
+        self.scene, self.particles = scene, sort(scene, particles)
+        warning = require_stable(scene)
+        self.state = State(scene, self.particles)
+        self.report = Report(scene, self.particles, self.state.tag, [warning] if warning else [])
+        self.progress = progress or (lambda n, dt, t: None)
+        side = self.state.tag % slot.EXEMPT - slot.FREE
+        self.side = side
+        self.ride = Ride(self.particles.X, scene.solver.h)
+        self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, side)
+        self.dt = math.inf
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
+        for k in range(self.scene.capture.frames):
+            if k:
+                self._advance(k)
+            yield self._frame(k)
+
+    def _advance(self, k: int) -> None:
+        """Substeps from frame k - 1 to frame k, the last one ending exactly there."""
+        fps = self.scene.capture.fps
+        t, left = (k - 1) / fps, 1 / fps
+        while left > 1e-9 / fps:
+            peaks = self.state.survey()
+            dt, n = self._choose(peaks, left)
+            self.state.run(n, dt, t)
+            t, left = t + n * dt, left - n * dt
+            self.report.advanced(n, dt, t)
+            self._check(k)
+            self.progress(self.report.substeps, dt, t)
+            if not self.state.total:
+                self._follow()
+
+    def _choose(self, peaks: Peaks, left: float) -> tuple[float, int]:
+        """Length and number of the next substeps; all those left in the frame are equally long."""
+        s = self.scene
+        if isinstance(s.solver.dt, str):
+            bound = limit(s, peaks.stiffness, peaks.compression, peaks.fastest, peaks.rate)
+            self.dt = min(bound, self.dt * GROWTH**ROUND)
+        else:
+            self.dt = s.solver.dt
+        if not self.dt > 0:
+            raise SimulationError(f"the substep at t has no bound: {peaks}; the material has blown up.")
+        steps = max(1, math.ceil(left / self.dt - 1e-6))
+        dt, n = left / steps, min(steps, ROUND)
+        if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
+            n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
+        return dt, n
+
+    def _follow(self) -> None:
+        """In `updated`, lay the grid anew once somebody has moved a cell."""
+        moved = float(np.abs(self.state.U.to_numpy() - self.state.anchor.to_numpy()).max())
+        if moved > MARGIN / 2 * self.scene.solver.h:
+            self.state.relayout(self.state.X0 + self.state.U.to_numpy())
+
+    def _check(self, k: int) -> None:
+        """Raise SimulationError for the first fault since the last look."""
+        kind, p, step = self.state.fault()
+        if kind != slot.NO_FAULT:
+            x = self.state.X0[p] + self.state.U.to_numpy()[p] + np.asarray(CENTRE)
+            v = self.state.V.to_numpy()[p]
+            raise SimulationError(self.report.fault(kind, p, k, step, x, v))
+        clamped = self.state.booked()[slot.CLAMPED] - self.report.clamped
+        self.report.clamped += int(clamped)
+        if clamped > max(MAX_CLAMPED * self.state.n, 1) * ROUND:
+            raise SimulationError(
+                f"frame {k}: {clamped / ROUND:.0f} particles a substep are inverted or crushed (J < 0.05, field F). "
+                "Likely the substep is too long or the thresholds let the material stretch too far: "
+                "use solver.dt=auto or a smaller solver.safety."
+            )
+
+    def _frame(self, k: int) -> Frame:
+        """Read the particles; failed ones ride (`total`) and show at most lambda_crit."""
+        s, t = self.state, k / self.scene.capture.fps
+        x = (s.X0.astype(np.float64) + s.U.to_numpy() + np.asarray(CENTRE)).astype(np.float32)
+        held = self.side != 0
+        if self.scene.loading.grips == "rigid":
+            shift = self.side[held, None] * self.scene.loading.speed * t * np.asarray(self.scene.loading.axis)
+            x[held] = (self.particles.X[held] + shift).astype(np.float32)
+        v, F, d = s.V.to_numpy(), s.F.to_numpy(), s.D.to_numpy()
+        tau, energy = s.stress()
+        failed = d >= 1
+        if s.total:
+            self.ride(x, v, F, failed)
+        verdict = self._verdict(x, F, failed)
+        frame = Frame(k, t, x, v.astype(np.float32), F.astype(np.float32), tau.astype(np.float32), d.astype(np.float32))
+        self.report.frame(frame, Books.of(s.booked()), energy, s.C.to_numpy(), verdict)
+        return frame
+
+    def _verdict(self, x: Array, F: Array, failed: Array) -> str:
+        """What `Cohesion` says, asked only until the object has parted and once it can have."""
+        if self.report.parted:
+            return "parted"
+        risky = failed.any() or (not self.state.total and self.report.stretch_max > 1.2)
+        return self.cohesion.judge(x, F, failed) if risky else "whole"
+
+
