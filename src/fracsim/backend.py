@@ -10,20 +10,21 @@ _started: Backend | None = None
 
 
 def start(backend: Backend) -> None:
-    """Start Taichi once a process; a second call with the same backend does nothing.
+    """Start Taichi once a process; a second call for the same arch does nothing.
 
-    Raises RuntimeError when the backend is not available here, or differs from the one already running.
+    Raises RuntimeError when the backend is not available here, or another arch is already running.
     """
     global _started
     if _started is not None:
-        if _started != backend:
+        if _started.arch != backend.arch:
             raise RuntimeError(
-                f"backend={backend} cannot replace {_started} in a running process: start a new process for it."
+                f"backend.arch={backend.arch} cannot replace {_started.arch} in a running process: start a new one."
             )
         return
     _require(backend.arch)
     import taichi as ti
 
+    ti.set_logging_level(ti.ERROR)
     ti.init(
         arch=getattr(ti, backend.arch),
         default_fp=ti.f32,

@@ -12,7 +12,7 @@ from fracsim.mpm.layout import order
 from fracsim.mpm.state import MARGIN, Peaks, State
 from fracsim.mpm.timestep import GROWTH, limit, require_stable
 from fracsim.records import Array, Frame, Particles
-from fracsim.report import Books, Report
+from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
 from fracsim.vocab import CENTRE, Scene
 
@@ -124,13 +124,15 @@ class Simulator:
             shift = self.side[held, None] * self.scene.loading.speed * t * np.asarray(self.scene.loading.axis)
             x[held] = (self.particles.X[held] + shift).astype(np.float32)
         v, F, d = s.V.to_numpy(), s.F.to_numpy(), s.D.to_numpy()
-        tau, energy = s.stress()
+        tau, energy, stretch = s.observe()
         failed = d >= 1
         if s.total:
             self.ride(x, v, F, failed)
         verdict = self._verdict(x, F, failed)
         frame = Frame(k, t, x, v.astype(np.float32), F.astype(np.float32), tau.astype(np.float32), d.astype(np.float32))
-        self.report.frame(frame, Books.of(s.booked()), energy, s.C.to_numpy(), verdict)
+        intact = stretch[~failed] if s.total else stretch
+        largest = float(intact.max(initial=1.0))
+        self.report.frame(frame, Books.of(s.booked()), energy, largest, s.C.to_numpy(), verdict)
         return frame
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
@@ -138,6 +140,8 @@ class Simulator:
         if self.report.parted:
             return "parted"
         risky = failed.any() or (not self.state.total and self.report.stretch_max > 1.2)
-        return self.cohesion.judge(x, F, failed) if risky else "whole"
+        verdict = self.cohesion.judge(x, F, failed) if risky else "whole"
+        honest = self.state.total or failure_reach(self.scene, self.particles) <= TEARING
+        return "torn" if verdict == "broken" and not honest else verdict
 
 

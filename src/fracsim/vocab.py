@@ -91,8 +91,8 @@ class Loading:
     offset: float = knob(0.15, "distance of each grip's centre from the object's centre", "m", least=0.0, most=1.0)
     speed: float = knob(0.6, "speed of each grip", "m/s", least=0.0, most=20.0, open="least")
     thickness: float = knob(0.05, "full thickness of a grip along the axis", "m", least=0.0, most=1.0, open="least")
-    grips: str = knob("rigid", "rigid: particles and nodes move by v t; soft: particles only, before P2G",
-                      choices=("rigid", "soft"))  # fmt: skip
+    grips: str = knob("rigid", "rigid: particles and nodes move by v t; sliding: the same, free to contract across "
+                      "the axis; soft: particles only, before P2G", choices=("rigid", "sliding", "soft"))  # fmt: skip
     gravity: list[float] = knob([0.0, 0.0, 0.0], "acceleration", "m/s^2", least=-1e3, most=1e3)
 
     def __post_init__(self) -> None:

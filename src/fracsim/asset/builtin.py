@@ -26,7 +26,7 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
         d: Array = module.distance(placement.to_object(P).astype(np.float32)) * placement.scale
         return d
 
-    limits.estimate(asset, spacing, *implicit.measure(field, lo, hi))
+    limits.estimate(asset, spacing, *implicit.measure(field, lo, hi), (lo, hi))
     filling = fill.fill(implicit.Implicit(field, lo, hi, 0.2 * spacing), spacing)
     P = placement.to_object(gaussians.painted_points(filling, spacing)).astype(np.float32)
     depth = (gaussians.painted_depth(filling, spacing) / placement.scale).astype(np.float32)

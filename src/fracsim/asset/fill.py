@@ -102,6 +102,12 @@ def points(axes: list[Array], index: Array) -> Array:
     return np.stack([a[i] for a, i in zip(axes, index.T, strict=True)], axis=1)
 
 
+def slabs(axes: list[Array]) -> list[slice]:
+    """Slices of the first axis of a grid that hold about a million points each: they bound the memory."""
+    rows = max(1, (1 << 20) // (len(axes[1]) * len(axes[2])))
+    return [slice(i, i + rows) for i in range(0, len(axes[0]), rows)]
+
+
 def _surface(solid: Solid, band: Array, inner: Array, spacing: float) -> tuple[Array, Array]:
     """Surface particles and their normals from the lattice points next to the surface, clear of `inner`."""
     P, normal = solid.settle(band, SKIN * spacing)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fracsim.asset.fill import points
+from fracsim.asset.fill import points, slabs
 from fracsim.records import Array
 
 Field = Callable[[Array], Array]
@@ -23,8 +23,10 @@ class Implicit:
     def distance(self, axes: list[Array]) -> Array:
         """Signed distances on a grid: the field over its gradient, which need not be 1."""
         d = on_grid(self.field, axes)
-        slope = np.sqrt(sum(np.square(g) for g in np.gradient(d, *axes)))
-        return d / np.clip(slope, 0.3, 3.0)
+        slope = np.zeros_like(d)
+        for k, axis in enumerate(axes):
+            slope += np.square(np.gradient(d, axis[1] - axis[0], axis=k))
+        return d / np.clip(np.sqrt(slope), 0.3, 3.0)
 
     def contains(self, axes: list[Array], index: Array) -> Array:
         """Whether grid points (M, 3) are inside, (M,) bool."""
@@ -43,8 +45,11 @@ class Implicit:
 
 def on_grid(field: Field, axes: list[Array]) -> Array:
     """A field on the grid of three coordinate arrays."""
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return field(grid.reshape(-1, 3)).astype(np.float64).reshape(grid.shape[:3])
+    out = np.empty([len(a) for a in axes], np.float32)
+    for rows in slabs(axes):
+        grid = np.stack(np.meshgrid(axes[0][rows], *axes[1:], indexing="ij"), axis=-1)
+        out[rows] = field(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    return out
 
 
 def slope(field: Field, P: Array, step: float) -> tuple[Array, Array]:

@@ -1,11 +1,18 @@
 """What cannot be simulated is refused before any long work, with one error that names the way out."""
 
 import re
+from pathlib import Path
+
+import numpy as np
 
 from fracsim.asset.fill import Filling
+from fracsim.records import Array
 from fracsim.vocab import Asset
 
+SUFFIXES = {"mesh": (".obj", ".glb", ".gltf", ".ply", ".stl"), "ply": (".ply",)}
+MOST_BYTES = 1 << 31
 FEWEST = 8
+MOST_GRID = 1e8
 
 
 def check(asset: Asset, spacing: float) -> None:
@@ -16,6 +23,25 @@ def check(asset: Asset, spacing: float) -> None:
         raise ValueError(f"asset.rotate_deg={asset.rotate_deg} must have three angles, as [-90,0,0].")
     if asset.interior:
         colour(asset.interior)
+    if asset.kind != "builtin":
+        _check_file(asset)
+
+
+def _check_file(asset: Asset) -> None:
+    """Raises ValueError unless asset.path is a file of a known kind and bearable size."""
+    file, known = Path(asset.path), SUFFIXES[asset.kind]
+    if file.suffix.lower() not in known:
+        raise ValueError(
+            f"asset.path={asset.path} with asset.kind={asset.kind} must end in {' or '.join(known)}: "
+            "export the object to such a file."
+        )
+    if not file.is_file():
+        raise ValueError(f"asset.path={asset.path} is not a file (looked for from {Path.cwd()}): correct asset.path.")
+    if file.stat().st_size > MOST_BYTES:
+        raise ValueError(
+            f"asset.path={asset.path} has {file.stat().st_size / 2**30:.1f} GiB, at most {MOST_BYTES / 2**30:g} are "
+            "read: decimate the mesh, or prune the Gaussians."
+        )
 
 
 def colour(text: str) -> tuple[float, float, float]:
@@ -26,9 +52,19 @@ def colour(text: str) -> tuple[float, float, float]:
     return r, g, b
 
 
-def estimate(asset: Asset, spacing: float, volume: float, area: float) -> None:
-    """Raises ValueError when a solid of about `volume` [m^3] and `area` [m^2] needs too many particles, or too few."""
+def estimate(asset: Asset, spacing: float, volume: float, area: float, bounds: tuple[Array, Array]) -> None:
+    """Raises ValueError when a solid of about `volume` [m^3], `area` [m^2] and `bounds` [m] needs too many particles.
+
+    Each bit of the surface takes half a particle more than the volume does. A slim object may need few particles but
+    a wide grid to find them.
+    """
     count(asset, spacing, int(volume / spacing**3 + 0.5 * area / spacing**2), "about ")
+    grid = float(np.prod((bounds[1] - bounds[0]) / spacing + 7))
+    if grid > MOST_GRID:
+        raise ValueError(
+            f"asset.size={asset.size:g} with particles {spacing:g} m apart needs a grid of {grid:.2g} points to fill, "
+            f"at most {MOST_GRID:.0e} are allowed: lower asset.size or solver.cells."
+        )
 
 
 def count(asset: Asset, spacing: float, n: int, about: str = "") -> None:

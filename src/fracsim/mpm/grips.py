@@ -52,11 +52,13 @@ def grip_of_node(x, middle, K: ti.template()):
 
 
 @ti.func
-def pull(books: ti.template(), row, grip, mass, change, K: ti.template(), atomic: ti.template()):
-    """Book the impulse that changes the velocity of `mass` by `change`, and its work on the moving grip."""
-    impulse = mass * (change[0] * K[UX] + change[1] * K[UY] + change[2] * K[UZ])
+def hold(books: ti.template(), row, grip, mass, v, K: ti.template(), mode: ti.template(), atomic: ti.template()):
+    """The velocity that a grip gives to `mass` moving with v; books its impulse and its work."""
+    u = ti.Vector([K[UX], K[UY], K[UZ]])
+    short = grip * K[SPEED] - v.dot(u)
     slot = PULL_LOW
     if grip > 0:
         slot = PULL_HIGH
-    tally(books, row, slot, impulse, atomic)
-    tally(books, row, GRIP_WORK, impulse * grip * K[SPEED], atomic)
+    tally(books, row, slot, mass * short, atomic)
+    tally(books, row, GRIP_WORK, mass * short * grip * K[SPEED], atomic)
+    return v + short * u if ti.static(mode == "sliding") else (grip * K[SPEED]) * u

@@ -34,7 +34,7 @@ def types(real: Any) -> dict[str, Any]:
 
 
 @cache
-def substeps(law: str, damage: str, total: bool, soft: bool, drive: str, real: Any, wide: Any) -> Any:
+def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
     Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag), grid, copies,
@@ -42,8 +42,8 @@ def substeps(law: str, damage: str, total: bool, soft: bool, drive: str, real: A
     to scatter stand in the place of n.
     """
     atomic = drive == "gpu"
-    particle = particle_function(law, damage, total, soft, atomic, real)
-    node = node_function(total, soft, atomic, real)
+    particle = particle_function(law, damage, total, grips, atomic, real)
+    node = node_function(total, grips, atomic, real)
     t = types(real)
     Scalar, Vector, Vector4, Matrix, Index, Table = t.values()
     Books = ti.types.ndarray(dtype=wide, ndim=2)

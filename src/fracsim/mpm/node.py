@@ -6,7 +6,7 @@ from typing import Any
 import taichi as ti
 
 from fracsim.mpm.books import tally
-from fracsim.mpm.grips import grip_of_node, pull
+from fracsim.mpm.grips import grip_of_node, hold
 from fracsim.mpm.params import (
     DECAYED, DENSITY, DT, GRAVITY_WORK, GX, GY, GZ, H, KEEP, LX, LY, LZ, SPEED, UX, UY, UZ, WALL,
 )  # fmt: skip
@@ -19,7 +19,7 @@ def place(i, sx, sy, K: ti.template()):
 
 
 @cache
-def node_function(total: bool, soft: bool, atomic: bool, real: Any) -> Any:
+def node_function(total: bool, grips: str, atomic: bool, real: Any) -> Any:
     """The function `node`: momentum in `copies` becomes velocity in `grid`, and `copies` is emptied."""
 
     @ti.func
@@ -44,12 +44,10 @@ def node_function(total: bool, soft: bool, atomic: bool, real: Any) -> Any:
                 tally(books, row, DECAYED, mass * v.dot(v) / 2 * (1 - K[KEEP] ** 2), atomic)
                 v *= K[KEEP]
             x = place(i, sx, sy, K)
-            if ti.static(not soft):
+            if ti.static(grips != "soft"):
                 grip = grip_of_node(x, middle, K)
                 if grip != 0:
-                    v_grip = ti.Vector([K[UX], K[UY], K[UZ]]) * (grip * K[SPEED])
-                    pull(books, row, grip, mass, v_grip - v, K, atomic)
-                    v = v_grip
+                    v = hold(books, row, grip, mass, v, K, grips, atomic)
             if ti.static(not total):
                 if K[WALL] > 0 and ti.max(ti.abs(x[0]), ti.abs(x[1]), ti.abs(x[2])) > K[WALL]:
                     v = ti.Vector.zero(real, 3)

@@ -7,7 +7,7 @@ import taichi as ti
 
 from fracsim.mpm.books import report_fault, tally
 from fracsim.mpm.bspline import stencil
-from fracsim.mpm.grips import pull
+from fracsim.mpm.grips import hold
 from fracsim.mpm.params import (
     CLAMPED, CRIT, DAMAGED, DENSITY, DT, ETA, EXEMPT, FREE, GRID_FAULT, H, LAM, LX, LY, LZ, MAX_SPEED, MU, NX, NY, NZ,
     ONSET, RELEASED, RH, SPEED, SPEED_FAULT, UX, UY, UZ, VISCOUS,
@@ -19,7 +19,7 @@ from fracsim.registry import load
 
 
 @cache
-def particle_function(law_name: str, damage_name: str, total: bool, soft: bool, atomic: bool, real: Any) -> Any:
+def particle_function(law_name: str, damage_name: str, total: bool, grips: str, atomic: bool, real: Any) -> Any:
     """The function `particle` for one law, one damage law, one formulation and one floating-point type."""
     law = load("fracsim.constitutive", law_name, "material.law")
     damage = load("fracsim.damage", damage_name, "fracture.law")
@@ -28,13 +28,6 @@ def particle_function(law_name: str, damage_name: str, total: bool, soft: bool, 
     def locate(p, K: ti.template(), X: ti.template(), U: ti.template()):
         y = X[p] if ti.static(total) else X[p] + U[p]
         return stencil(y * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
-
-    @ti.func
-    def held(row, grip, mass, v, K: ti.template(), books: ti.template()):
-        """The velocity of a grip, and what it takes to impose it on a particle."""
-        v_grip = ti.Vector([K[UX], K[UY], K[UZ]]) * (grip * K[SPEED])
-        pull(books, row, grip, mass, v_grip - v, K, atomic)
-        return v_grip
 
     @ti.func
     def suffer(p, row, F_new, K: ti.template(), D: ti.template(), volume: ti.template(), books: ti.template()):
@@ -53,9 +46,9 @@ def particle_function(law_name: str, damage_name: str, total: bool, soft: bool, 
         v, moments = gather(grid, at, f, sx, sy, real)
         C = (4 * K[RH]) * moments
         grip = tag[p] % EXEMPT - FREE
-        if ti.static(not soft):
+        if ti.static(grips != "soft"):
             if grip != 0:
-                v = held(row, grip, K[DENSITY] * volume[p], v, K, books)
+                v = hold(books, row, grip, K[DENSITY] * volume[p], v, K, grips, atomic)
         U[p] = U[p] + K[DT] * v
         F_new = F[p] + K[DT] * (C if ti.static(total) else C @ F[p])
         if ti.static(not total):
@@ -81,9 +74,9 @@ def particle_function(law_name: str, damage_name: str, total: bool, soft: bool, 
         if K[ETA] > 0:
             tally(books, row, VISCOUS, volume[p] * K[DT] * power, atomic)
         grip = tag[p] % EXEMPT - FREE
-        if ti.static(soft):
+        if ti.static(grips == "soft"):
             if grip != 0:
-                v = held(row, grip, mass, v, K, books)
+                v = hold(books, row, grip, mass, v, K, grips, atomic)
         affine = (mass * K[H]) * C - (4 * K[DT] * K[RH] * volume[p]) * P
         scatter(copies, at, f, sx, sy, mass * v, affine, mass, atomic)
 

@@ -11,7 +11,7 @@ from fracsim.mpm import params as slot
 from fracsim.mpm.grips import half_reach, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, layout
-from fracsim.mpm.survey import stress, survey
+from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import damping
 from fracsim.records import Array, Particles
 from fracsim.vocab import CENTRE, Scene
@@ -63,7 +63,7 @@ class State:
         self.label = ti.ndarray(ti.i32, n)
         self.anchor = ti.Vector.ndarray(3, real, n)
         self.tau = ti.Matrix.ndarray(3, 3, real, n)
-        self.energy = ti.ndarray(real, n)
+        self.scalars = ti.ndarray(real, (n, 2))
         self.X.from_numpy(self.X0)
         self.volume.from_numpy(particles.volume.astype(self.dtype))
         self.label.from_numpy(self.tag)
@@ -128,8 +128,7 @@ class State:
         self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
-        soft = s.loading.grips == "soft"
-        kernel = substeps(s.material.law, s.fracture.law, self.total, soft, self.drive, self.real, self.wide)
+        kernel = substeps(s.material.law, s.fracture.law, self.total, s.loading.grips, self.drive, self.real, self.wide)
         arrays = (
             *self.layout.strides, self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume,
             self.label, self.velocity, self.copies, self.nodes, self.source, self.shift, self.start, self.books,
@@ -150,11 +149,12 @@ class State:
         kind, particle, step = rows[np.argmin(rows[:, 2])]
         return int(kind), int(particle), int(step)
 
-    def stress(self) -> tuple[Array, Array]:
-        """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa]."""
+    def observe(self) -> tuple[Array, Array, Array]:
+        """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa], largest stretches (N,)."""
         m = self.scene.material
-        stress(m.law, self.real)(m.mu, m.lam, self.F, self.D, self.tau, self.energy)
-        return self.tau.to_numpy(), self.energy.to_numpy()
+        observe(m.law, self.real)(m.mu, m.lam, self.F, self.D, self.tau, self.scalars)
+        energy, stretch = self.scalars.to_numpy().T
+        return self.tau.to_numpy(), energy, stretch
 
     def booked(self) -> Array:
         """The running sums, (BOOKS,) float64."""

@@ -3,11 +3,13 @@
 from functools import cache
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from fracsim.mpm.kernels import CHUNK, types
 from fracsim.mpm.params import COMPRESSION, FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
-from fracsim.mpm.tensor import J_MIN, cofactor, principal_stretches, volume_ratio
+from fracsim.mpm.tensor import J_MIN, cofactor, max_stretch, principal_stretches, rotation, volume_ratio
+from fracsim.records import Array
 from fracsim.registry import load
 
 
@@ -55,20 +57,40 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
 
 
 @cache
-def stress(law_name: str, real: Any) -> Any:
-    """The kernel tau = (1 - d) P F^T (Eqs. 3 and 5) for all particles; arguments: mu, lam, F, D, tau, energy.
-
-    `energy` is the strain energy density (1 - d) psi [Pa].
+def observe(law_name: str, real: Any) -> Any:
+    """The kernel behind a frame: for all particles tau = (1 - d) P F^T (Eqs. 3 and 5) and, as columns of `scalars`,
+    the strain energy density (1 - d) psi [Pa] and the largest stretch. Arguments: mu, lam, F, D, tau, scalars.
     """
     law = load("fracsim.constitutive", law_name, "material.law")
     Scalar, _, _, Matrix, _, _ = types(real).values()
+    Scalars = ti.types.ndarray(dtype=real, ndim=2)
 
     @ti.kernel
-    def evaluate(mu: real, lam: real, F: Matrix, D: Scalar, tau: Matrix, energy: Scalar):
+    def evaluate(mu: real, lam: real, F: Matrix, D: Scalar, tau: Matrix, scalars: Scalars):
         for p in range(F.shape[0]):
             K = cofactor(F[p])
             J = ti.max(volume_ratio(F[p], K), J_MIN)
             tau[p] = (1 - D[p]) * (law.piola(F[p], K, J, mu, lam) @ F[p].transpose())
-            energy[p] = (1 - D[p]) * law.psi(F[p], mu, lam)
+            scalars[p, 0] = (1 - D[p]) * law.psi(F[p], mu, lam)
+            scalars[p, 1] = max_stretch(F[p], D[p] * 0)
 
     return evaluate
+
+
+@cache
+def _polar() -> Any:
+    Matrix = types(ti.f32)["matrix"]
+
+    @ti.kernel
+    def polar(F: Matrix, R: Matrix):
+        for p in range(F.shape[0]):
+            R[p] = rotation(F[p], 5)
+
+    return polar
+
+
+def rotations(F: Array) -> Array:
+    """R of the polar decompositions F = R S, (N, 3, 3) float32."""
+    R = np.empty(F.shape, np.float32)
+    _polar()(np.ascontiguousarray(F, np.float32), R)
+    return R

@@ -54,7 +54,8 @@ class View:
     @property
     def eye(self) -> Array:
         """Position of the pinhole in the world [m], (3,)."""
-        return -self.rotation.T @ self.world_to_camera[:3, 3]
+        eye: Array = -self.rotation.T @ self.world_to_camera[:3, 3]
+        return eye
 
 
 def _rigid(matrix: Array) -> Array:

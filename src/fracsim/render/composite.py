@@ -8,58 +8,70 @@ import taichi as ti
 from fracsim.render.camera import TILE
 from fracsim.render.project import LOG_FLOOR
 
+# Constants of the original 3DGS (Kerbl et al. 2023).
 ALPHA_CAP = 0.99
 """Largest alpha of one Gaussian at a pixel."""
 STOP = 1e-4
-"""A pixel is done before the Gaussian that would bring its transmittance below this."""
+"""A pixel is done at the Gaussian that would bring its transmittance below this; that one is left out."""
+
+
+@ti.func
+def pixels(low, high, first, end):
+    """The range of pixels of first, ..., end - 1 whose centres lie in [low, high] [px], rounding on the safe side."""
+    start = ti.max(ti.cast(ti.ceil(low - 0.501), ti.i32), first)
+    return start, ti.min(ti.cast(ti.floor(high - 0.499), ti.i32) + 1, end)
 
 
 @cache
-def compositor(channels: int, dtype: Any) -> Any:
-    """The kernel that sums features alpha_i prod_{j < i} (1 - alpha_j) over each pixel's Gaussians, nearest first.
+def compositor(channels: int, block: int, dtype: Any) -> Any:
+    """The kernel that adds up features alpha_i prod_{j < i} (1 - alpha_j) of each pixel's Gaussians, nearest first.
 
-    Constants and stopping rule of Kerbl et al. 2023; no background is blended in. One thread a pixel, pixels in the
-    order of tiles: neighbours read the same list.
+    A thread takes a block of block x block pixels of one tile and touches only those that a Gaussian covers: whole
+    tiles suit a CPU, single pixels a GPU. It ends when all its pixels are done. No background is blended in.
     """
+    feature = ti.types.vector(channels, dtype)
 
     @ti.kernel
     def composite(
         starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [tiles + 1] where a tile's entries start
         entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [P] Gaussians, nearest first
-        ellipse: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 8] see projector
+        ellipse: ti.types.ndarray(dtype=ti.types.vector(8, dtype), ndim=1),  # [N] see `projector`
         depth: ti.types.ndarray(dtype=dtype, ndim=1),  # [N] [m]
-        features: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, channels]
-        image: ti.types.ndarray(dtype=dtype, ndim=3),  # [H, W, channels] out
-        alpha: ti.types.ndarray(dtype=dtype, ndim=2),  # [H, W] out
+        features: ti.types.ndarray(dtype=feature, ndim=1),  # [N]
+        image: ti.types.ndarray(dtype=feature, ndim=2),  # [H, W] in: zero
+        transmittance: ti.types.ndarray(dtype=dtype, ndim=2),  # [H, W] in: one; out: negative where done
         median: ti.types.ndarray(dtype=dtype, ndim=2),  # [H, W] in: infinite; out: depth of transmittance 1/2 [m]
     ):
-        for p in range(alpha.shape[0] * alpha.shape[1]):
-            tile = p // (TILE * TILE)
-            tiles_x = alpha.shape[1] // TILE
-            row = tile // tiles_x * TILE + p // TILE % TILE
-            column = tile % tiles_x * TILE + p % TILE
-            x, y = column + dtype(0.5), row + dtype(0.5)
-            total = ti.Vector.zero(dtype, channels)
-            T = dtype(1.0)
-            k = starts[tile]
-            end = starts[tile + 1]
-            while k < end:
-                g = entries[k]
-                k += 1
-                dx, dy = x - ellipse[g, 0], y - ellipse[g, 1]
-                q = ellipse[g, 5] + (ellipse[g, 2] * dx + ellipse[g, 3] * dy) * dx + ellipse[g, 4] * dy * dy
-                if q >= dtype(LOG_FLOOR):
-                    a = ti.min(ti.exp(q), dtype(ALPHA_CAP))
-                    T_next = T * (1 - a)
-                    if T_next < dtype(STOP):
-                        break
-                    for c in ti.static(range(channels)):
-                        total[c] += T * a * features[g, c]
-                    if T >= dtype(0.5) and T_next < dtype(0.5):
-                        median[row, column] = depth[g]
-                    T = T_next
-            for c in ti.static(range(channels)):
-                image[row, column, c] = total[c]
-            alpha[row, column] = 1 - T
+        # Pixels in the order of tiles and blocks: on a CPU 512 consecutive ones stay on one thread.
+        for p in range(image.shape[0] * image.shape[1]):
+            if p % (block * block) == 0:
+                tile, inside = p // (TILE * TILE), p % (TILE * TILE) // (block * block)
+                top = tile // (image.shape[1] // TILE) * TILE + inside // (TILE // block) * block
+                left = tile % (image.shape[1] // TILE) * TILE + inside % (TILE // block) * block
+                k, end, alive = starts[tile], starts[tile + 1], block * block
+                while k < end and alive > 0:
+                    g = entries[k]
+                    x, y, a, b, c, peak, half_x, half_y = ellipse[g]
+                    value = features[g]
+                    top_g, bottom_g = pixels(y - half_y, y + half_y, top, top + block)
+                    left_g, right_g = pixels(x - half_x, x + half_x, left, left + block)
+                    for row in range(top_g, bottom_g):
+                        v = row + dtype(0.5) - y
+                        for column in range(left_g, right_g):
+                            u = column + dtype(0.5) - x
+                            q = peak + c * v * v + (a * u + b * v) * u
+                            T = transmittance[row, column]
+                            if T > 0 and q >= dtype(LOG_FLOOR):
+                                alpha = ti.min(ti.exp(q), dtype(ALPHA_CAP))
+                                T_next = T * (1 - alpha)
+                                if T_next < dtype(STOP):
+                                    transmittance[row, column] = -T
+                                    alive -= 1
+                                else:
+                                    image[row, column] = image[row, column] + T * alpha * value
+                                    transmittance[row, column] = T_next
+                                    if T_next < dtype(0.5) <= T:
+                                        median[row, column] = depth[g]
+                    k += 1
 
     return composite

@@ -1,4 +1,4 @@
-"""EWA projection of deformed Gaussians to image ellipses (Zwicker et al. 2001, constants of Kerbl et al. 2023)."""
+"""EWA projection of deformed Gaussians to ellipses in the picture (Zwicker et al. 2001)."""
 
 from functools import cache
 from math import log
@@ -8,93 +8,87 @@ import taichi as ti
 
 from fracsim.render.camera import NEAR, TILE
 
+# Constants of the original 3DGS (Kerbl et al. 2023).
 LOW_PASS = 0.3
 """Variance added to every image covariance [px^2]."""
-ALPHA_FLOOR = 1 / 255
-"""A Gaussian ends where its alpha falls below this."""
-LOG_FLOOR = log(ALPHA_FLOOR)
-WIDEN = 1.3
-"""Half fields of view beyond which the Jacobian no longer follows the centre."""
+LOG_FLOOR = log(1 / 255)
+"""A Gaussian ends where the logarithm of its alpha falls below this."""
+WIDEN = 0.3
+"""The Jacobian follows the centre up to 1 + WIDEN times the half field of view."""
 
 
 @ti.func
-def affine(t, fx, fy, low, high):
-    """Rows of the projection's Jacobian at camera point t, its tangents held in [low, high] (EWA, eq. 29)."""
+def jacobian(t, focal, low, high):
+    """Derivative of the image position [px] by the camera position t [m], its tangents held in [low, high]."""
     u = ti.math.clamp(t[0] / t[2], low[0], high[0])
     v = ti.math.clamp(t[1] / t[2], low[1], high[1])
-    return ti.Matrix([[fx / t[2], 0 * u, -fx * u / t[2]], [0 * v, fy / t[2], -fy * v / t[2]]])
+    return ti.Matrix([[focal[0], 0, -focal[0] * u], [0, focal[1], -focal[1] * v]]) / t[2]
 
 
 @ti.func
 def finite(x):
-    """Whether x is a number; by its bits, as fast math may assume that comparisons never see a NaN."""
+    """Whether x is a number; by its bits, because fast math lets comparisons assume that they see no NaN."""
     return not (ti.math.isnan(x) or ti.math.isinf(x))
 
 
 @ti.func
-def tiles_over(centre, half, size):
-    """First tile and one past the last, on an axis of `size` px, that [centre - half, centre + half] meets."""
-    count = size / TILE
+def tiles_over(low, high, count):
+    """The tiles, of `count` along x and y, that the box from low to high [px] meets: first x, y and end x, y."""
     # Clamped before the cast: a huge radius has no int32. The margin keeps rounding from losing an edge pixel.
-    low = ti.math.clamp(ti.floor((centre - half) / TILE - 1e-3), 0, count)
-    high = ti.math.clamp(ti.floor((centre + half) / TILE + 1e-3) + 1, 0, count)
-    return ti.cast(low, ti.i32), ti.cast(high, ti.i32)
+    first = ti.math.clamp(ti.floor(low / TILE - 1e-3), 0, count)
+    end = ti.math.clamp(ti.floor(high / TILE + 1e-3) + 1, 0, count)
+    return ti.cast(ti.Vector([first[0], first[1], end[0], end[1]]), ti.i32)
 
 
 @cache
 def projector(dtype: Any) -> Any:
     """The kernel that writes each Gaussian's depth, tile rectangle and image ellipse.
 
-    A Gaussian is left out (an empty rectangle) nearer than NEAR, outside the picture, nowhere above ALPHA_FLOOR, or
-    degenerate (not finite, determinant not positive). Its alpha at the offset (dx, dy) [px] from its image centre is
-    exp(q) with q = ellipse[5] + ellipse[2] dx^2 + ellipse[3] dx dy + ellipse[4] dy^2.
+    With (x, y, a, b, c, peak, half width, half height) = ellipse, alpha at (x + u, y + v) [px] is the exponential of
+    peak + a u^2 + b u v + c v^2, and at least 1/255 only within the half sizes. A Gaussian is left out (an empty
+    rectangle) nearer than NEAR, outside the picture, nowhere above 1/255, or degenerate: not finite, or of a
+    determinant that is not positive.
     """
+    real2, real3, real6, real8 = (ti.types.vector(n, dtype) for n in (2, 3, 6, 8))
+    real33 = ti.types.matrix(3, 3, dtype)
 
     @ti.kernel
     def project(
-        means: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 3] world [m]
-        covariance: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 6] at rest: xx xy xz yy yz zz [m^2]
-        F: ti.types.ndarray(dtype=dtype, ndim=3),  # [N, 3, 3] deformation gradients
+        means: ti.types.ndarray(dtype=real3, ndim=1),  # [N] world [m]
+        covariance: ti.types.ndarray(dtype=real6, ndim=1),  # [N] at rest: xx xy xz yy yz zz [m^2]
+        F: ti.types.ndarray(dtype=real33, ndim=1),  # [N] deformation gradients
         opacity: ti.types.ndarray(dtype=dtype, ndim=1),  # [N]
-        pose: ti.types.ndarray(dtype=dtype, ndim=2),  # [4, 4] world to camera
-        lens: ti.types.ndarray(dtype=dtype, ndim=1),  # [6] fx fy cx cy width height [px]
+        R: real33,  # rotation from world to camera
+        shift: real3,  # translation from world to camera [m]
+        focal: real2,  # fx, fy [px]
+        axis: real2,  # cx, cy [px]
+        size: real2,  # width, height [px]
         depth: ti.types.ndarray(dtype=dtype, ndim=1),  # [N] out [m], 0 where left out
-        rectangle: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [N, 4] out: first x, first y, end x, end y [tiles]
-        ellipse: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 8] out: x, y [px], q of dx^2, dx dy, dy^2, 1, half w, half h [px]
+        rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # [N] out: first x, y, end x, y
+        ellipse: ti.types.ndarray(dtype=real8, ndim=1),  # [N] out
     ):
         for g in range(means.shape[0]):
-            W = ti.Matrix([[pose[i, j] for j in range(3)] for i in range(3)])
-            x = ti.Vector([means[g, 0], means[g, 1], means[g, 2]])
-            t = W @ x + ti.Vector([pose[0, 3], pose[1, 3], pose[2, 3]])
-            focal, axis = ti.Vector([lens[0], lens[1]]), ti.Vector([lens[2], lens[3]])
-            size = ti.Vector([lens[4], lens[5]])
-            beyond = dtype((WIDEN - 1) / 2) * size
-            centre = focal * ti.Vector([t[0], t[1]]) / t[2] + axis
-
-            a = ti.Vector([covariance[g, i] for i in range(6)])
-            A = ti.Matrix([[a[0], a[1], a[2]], [a[1], a[3], a[4]], [a[2], a[4], a[5]]])
-            M = affine(t, lens[0], lens[1], -(axis + beyond) / focal, (size - axis + beyond) / focal) @ W
-            M = M @ ti.Matrix([[F[g, i, j] for j in range(3)] for i in range(3)])
-            S = M @ A @ M.transpose() + ti.Matrix([[LOW_PASS, 0], [0, LOW_PASS]])
-            det = S[0, 0] * S[1, 1] - S[0, 1] * S[0, 1]
+            t = R @ means[g] + shift
+            centre = focal * t.xy / t[2] + axis
+            beyond = size * dtype(WIDEN / 2)
+            s = covariance[g]
+            A = ti.Matrix([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
+            J = jacobian(t, focal, (-axis - beyond) / focal, (size - axis + beyond) / focal) @ R @ F[g]
+            S = J @ A @ J.transpose()
+            xx, xy, yy = S[0, 0] + dtype(LOW_PASS), S[0, 1], S[1, 1] + dtype(LOW_PASS)
+            det = xx * yy - xy * xy
+            peak = ti.log(opacity[g])
+            reach = 2 * (peak - dtype(LOG_FLOOR))  # squared Mahalanobis distance at which alpha is 1/255
 
             depth[g] = 0
-            for i in ti.static(range(4)):
-                rectangle[g, i] = 0
-            sound = finite(S.sum() + det + centre.sum() + opacity[g])
-            if sound and t[2] > dtype(NEAR) and det > 0 and opacity[g] > dtype(ALPHA_FLOOR):
-                peak = ti.log(opacity[g])
-                reach = 2 * (peak - dtype(LOG_FLOOR))  # Mahalanobis distance squared where alpha ends
-                half = ti.Vector([ti.sqrt(reach * S[0, 0]), ti.sqrt(reach * S[1, 1])])
-                x0, x1 = tiles_over(centre[0], half[0], size[0])
-                y0, y1 = tiles_over(centre[1], half[1], size[1])
-                if x0 < x1 and y0 < y1:
+            rectangle[g] = 0
+            if finite(xx + yy + det + centre.sum() + reach) and t[2] > dtype(NEAR) and det > 0 and reach > 0:
+                half = ti.sqrt(reach * ti.Vector([xx, yy]))
+                box = tiles_over(centre - half, centre + half, size / TILE)
+                if box[0] < box[2] and box[1] < box[3]:
                     depth[g] = t[2]
-                    rectangle[g, 0], rectangle[g, 1], rectangle[g, 2], rectangle[g, 3] = x0, y0, x1, y1
-                    ellipse[g, 0], ellipse[g, 1], ellipse[g, 5] = centre[0], centre[1], peak
-                    ellipse[g, 2] = -S[1, 1] / (2 * det)
-                    ellipse[g, 3] = S[0, 1] / det
-                    ellipse[g, 4] = -S[0, 0] / (2 * det)
-                    ellipse[g, 6], ellipse[g, 7] = half[0], half[1]
+                    rectangle[g] = box
+                    a, b, c = -yy / (2 * det), xy / det, -xx / (2 * det)
+                    ellipse[g] = ti.Vector([centre.x, centre.y, a, b, c, peak, half.x, half.y])
 
     return project

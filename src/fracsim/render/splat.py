@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 from taichi.lang.util import to_taichi_type
 
+from fracsim.backend import on_cpu
 from fracsim.records import Array
 from fracsim.render import sh as harmonics
 from fracsim.render import tiles
@@ -21,15 +22,13 @@ class Splatter:
     def __init__(self, view: View, features: int, dtype: Any = np.float32) -> None:
         """`features` channels a Gaussian; arithmetic and results in `dtype`, float32 or float64."""
         self.view, self.features, self.dtype = view, features, np.dtype(dtype)
-        self._pose = np.ascontiguousarray(view.world_to_camera, self.dtype)
-        self._lens = np.array([view.fx, view.fy, view.cx, view.cy, view.width, view.height], self.dtype)
-        self._project = projector(to_taichi_type(self.dtype))
-        self._composite = compositor(features, to_taichi_type(self.dtype))
+        self._real = to_taichi_type(self.dtype)
+        self._composite = compositor(features, TILE if on_cpu() else 1, self._real)
         rows, columns = view.height // TILE, view.width // TILE
         self._table = ti.ndarray(ti.i32, (tiles.CHUNKS, rows, columns))
         self._starts = ti.ndarray(ti.i32, rows * columns + 1)
         self._entries = ti.ndarray(ti.i32, 1)
-        self._reserve(1)
+        self._capacity = 0
 
     def render(
         self, means: Array, covariance: Array, F: Array, opacity: Array, features: Array
@@ -44,12 +43,11 @@ class Splatter:
         gaussians = [self._checked(name, array, len(means)) for name, array in given.items()]
         size = self.view.height, self.view.width
         image = np.zeros((*size, self.features), self.dtype)
-        alpha, median = np.zeros(size, self.dtype), np.full(size, np.inf, self.dtype)
+        transmittance, median = np.ones(size, self.dtype), np.full(size, np.inf, self.dtype)
         if len(means) and self._bin(*gaussians[:4]):
-            self._composite(
-                self._starts, self._entries, self._ellipse, self._depth, gaussians[4], image, alpha, median
-            )
-        return image, alpha, median
+            self._composite(self._starts, self._entries, self._ellipse, self._depth, gaussians[4],
+                            image, transmittance, median)  # fmt: skip
+        return image, 1 - np.abs(transmittance), median
 
     def _checked(self, name: str, array: Array, n: int) -> Array:
         """The array as the kernels take it; raises ValueError unless it has its shape for n Gaussians."""
@@ -61,8 +59,7 @@ class Splatter:
     def _bin(self, means: Array, covariance: Array, F: Array, opacity: Array) -> int:
         """Project, order by depth and list the Gaussians of each tile; returns the number of entries."""
         self._reserve(len(means))
-        self._project(means, covariance, F, opacity, self._pose, self._lens,
-                      self._depth, self._rectangle, self._ellipse)  # fmt: skip
+        self._project(means, covariance, F, opacity)
         order = tiles.depth_order(self._depth.to_numpy()[: len(means)])
         tiles.count(order, self._rectangle, self._table)
         chunk_starts, tile_starts = tiles.starts(self._table.to_numpy())
@@ -76,11 +73,19 @@ class Splatter:
 
     def _reserve(self, n: int) -> None:
         """Make room for the projection of n Gaussians."""
-        if n == 1 or n > self._depth.shape[0]:
-            real = to_taichi_type(self.dtype)
-            self._depth = ti.ndarray(real, n)
-            self._rectangle = ti.ndarray(ti.i32, (n, 4))
-            self._ellipse = ti.ndarray(real, (n, 8))
+        if n > self._capacity:
+            self._capacity = n
+            self._depth = ti.ndarray(self._real, n)
+            self._rectangle = ti.Vector.ndarray(4, ti.i32, n)
+            self._ellipse = ti.Vector.ndarray(8, self._real, n)
+
+    def _project(self, means: Array, covariance: Array, F: Array, opacity: Array) -> None:
+        """Fill depth, rectangle and ellipse."""
+        view = self.view
+        projector(self._real)(
+            means, covariance, F, opacity, view.rotation, view.world_to_camera[:3, 3], (view.fx, view.fy),
+            (view.cx, view.cy), (view.width, view.height), self._depth, self._rectangle, self._ellipse,
+        )  # fmt: skip
 
 
 def colours(view: View, means: Array, sh: Array, R: Array) -> Array:

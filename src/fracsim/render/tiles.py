@@ -30,37 +30,39 @@ def depth_order(depth: Array) -> Array:
 @ti.kernel
 def count(
     order: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] nearest first
-    rectangle: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [N, 4] first x, first y, end x, end y
+    rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # [N] first x, y, end x, y
     table: ti.types.ndarray(dtype=ti.i32, ndim=3),  # [CHUNKS, tiles_y, tiles_x] out: entries of a tile from a chunk
 ):
+    """Count the Gaussians that each chunk of the depth order adds to each tile."""
     for q in range(CHUNKS * PAD):
         if q % PAD == 0:
             c = q // PAD
             for y, x in ti.ndrange(table.shape[1], table.shape[2]):
                 table[c, y, x] = 0
             for r in range(part(c, order.shape[0]), part(c + 1, order.shape[0])):
-                g = order[r]
-                for y in range(rectangle[g, 1], rectangle[g, 3]):
-                    for x in range(rectangle[g, 0], rectangle[g, 2]):
+                box = rectangle[order[r]]
+                for y in range(box[1], box[3]):
+                    for x in range(box[0], box[2]):
                         table[c, y, x] = table[c, y, x] + 1  # += would be atomic
 
 
 @ti.kernel
 def fill(
     order: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] nearest first
-    rectangle: ti.types.ndarray(dtype=ti.i32, ndim=2),  # [N, 4]
+    rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # [N]
     table: ti.types.ndarray(dtype=ti.i32, ndim=3),  # [CHUNKS, tiles_y, tiles_x] where a chunk's next entry goes
     entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [P] out: Gaussians of tile 0, of tile 1, ...
 ):
+    """Write each tile's Gaussians, nearest first; afterwards the table holds where each chunk's entries end."""
     for q in range(CHUNKS * PAD):
         if q % PAD == 0:
             c = q // PAD
             for r in range(part(c, order.shape[0]), part(c + 1, order.shape[0])):
-                g = order[r]
-                for y in range(rectangle[g, 1], rectangle[g, 3]):
-                    for x in range(rectangle[g, 0], rectangle[g, 2]):
+                box = rectangle[order[r]]
+                for y in range(box[1], box[3]):
+                    for x in range(box[0], box[2]):
                         place = table[c, y, x]
-                        entries[place] = g
+                        entries[place] = order[r]
                         table[c, y, x] = place + 1
 
 
@@ -82,4 +84,5 @@ def starts(table: Array) -> tuple[Array, Array]:
         raise ValueError(f"camera: the Gaussians meet {total} tiles in all, over 2^31: a smaller picture, or fewer "
                          "or smaller Gaussians.")  # fmt: skip
     tile_starts = np.append(0, ends[:, -1])
-    return (ends - counts).T.reshape(table.shape).astype(np.int32), tile_starts.astype(np.int32)
+    chunk_starts = (ends - counts).T.reshape(table.shape)
+    return chunk_starts.astype(np.int32, order="C"), tile_starts.astype(np.int32)

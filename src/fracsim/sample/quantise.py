@@ -21,8 +21,8 @@ def quantise(raw: Array) -> tuple[Array, tuple[float, float]]:
     if step < 1e-35:  # its inverse would overflow float32
         return np.zeros(raw.shape, np.uint16), (0.0, 0.0)
     zero = np.ceil(-least / step)
-    codes = raw * np.float32(1 / step) + np.float32(zero + 0.5)  # what follows cuts off, so this rounds
-    return np.clip(codes, 0, LEVELS).astype(np.uint16), (-zero * step, (LEVELS - zero) * step)
+    codes = raw * np.float32(1 / step) + np.float32(zero + 0.5)  # the cast cuts off, so this rounds; 0 <= codes < 65536
+    return codes.astype(np.uint16), (-zero * step, (LEVELS - zero) * step)
 
 
 def dequantise(codes: Array, lo: float, hi: float) -> Array:

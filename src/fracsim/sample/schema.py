@@ -80,6 +80,12 @@ def digest(path: Path) -> str:
     return sha.hexdigest()
 
 
+def inventory(folder: Path) -> dict[str, dict[str, Any]]:
+    """Size and sha256 of every file of a sample but those that describe it."""
+    files = (p for p in sorted(folder.rglob("*")) if p.is_file() and p.name not in (META, JOURNAL))
+    return {p.relative_to(folder).as_posix(): {"bytes": p.stat().st_size, "sha256": digest(p)} for p in files}
+
+
 def save_scene(scene: Scene, path: Path) -> None:
     """Write the resolved scene as YAML."""
     OmegaConf.save(OmegaConf.structured(scene), path)

@@ -1,9 +1,11 @@
 """Plain test bar, 0.6 x 0.2 x 0.2, with painted grid lines that show the stretch."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import shading, texture
-from fracsim.asset.objects.shapes import Array, box, in_blocks, smoothstep
+from fracsim.asset.objects.shapes import Array, box, in_blocks, smoothstep, vector
 
 BOUNDS = ((-0.32, -0.12, -0.12), (0.32, 0.12, 0.12))
 CLASS = "high_stretch"
@@ -14,24 +16,29 @@ LIGHT, DARK = texture.rgb(0.95, 0.80, 0.55), texture.rgb(0.90, 0.62, 0.38)
 INK, RUBBER = texture.rgb(0.12, 0.20, 0.42), texture.rgb(0.84, 0.50, 0.32)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
-    return box(P, (0, 0, 0), HALF, 0.012)
+    return _solid(P)
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: a chequered, lined skin over rubber."""
-    body = texture.mix(texture.rubber(P, RUBBER, 1), _grid(P), texture.skin(depth, 0.008, 0.014))
-    return shading.bake(distance, P, depth, body, gloss=0.25)
+    body = texture.coat(P, texture.skin(depth, 0.008, 0.014), partial(texture.rubber, body=RUBBER, seed=1), _grid)
+    return shading.bake(_solid, P, depth, body, gloss=0.25)
+
+
+def _solid(P: Array) -> Array:
+    """Distance [N] of rows [3, N]."""
+    return box(P, (0, 0, 0), HALF, 0.012)
 
 
 def _grid(P: Array) -> Array:
     """Two tones by square, and ink on the lines; a face shows the lines of its two own directions only."""
-    chequer = np.floor(P / PITCH + 0.5 * (np.array(HALF) / PITCH % 2)).astype(np.int64).sum(axis=1) % 2
+    chequer = np.floor(P / PITCH).sum(axis=0) % 2
     off = np.abs((P / PITCH - np.round(P / PITCH)) * PITCH)
-    off = np.where(np.abs(P) > np.array(HALF) - 1.5 * LINE, 1.0, off)
-    line = 1 - smoothstep(LINE - 0.002, LINE, off.min(axis=1))
+    off = np.where(np.abs(P) > vector(HALF, P) - 1.5 * LINE, 1.0, off)
+    line = 1 - smoothstep(LINE - 0.002, LINE, off.min(axis=0))
     tones = texture.mix(LIGHT, DARK, chequer.astype(np.float32))
     return texture.mix(tones, INK, line) * texture.mottle(P * 1.6, 0.06, 9)

@@ -1,31 +1,33 @@
 """Tin loaf seen from its long side, leaning its slashed crown to the viewer; crust outside, porous crumb inside."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, box, in_blocks, smoothstep, tilt, union, unsqueeze
+from fracsim.asset.objects.shapes import Array, box, in_blocks, smoothstep, tilt, union, unsqueeze, vector
 
 BOUNDS = ((-0.53, -0.46, -0.20), (0.53, 0.46, 0.20))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 24.0, 0.45
 SLASHES, PITCH = 4, 0.215
-PALE, GOLD = texture.rgb(0.95, 0.78, 0.49), texture.rgb(0.87, 0.60, 0.28)
+PALE, GOLD = texture.rgb(0.96, 0.80, 0.50), texture.rgb(0.91, 0.64, 0.28)
 BROWN, DARK = texture.rgb(0.66, 0.36, 0.13), texture.rgb(0.43, 0.21, 0.08)
 CRUMB, PORE = texture.rgb(0.98, 0.92, 0.77), texture.rgb(0.86, 0.72, 0.50)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: crust that fades to crumb within 0.03."""
-    inside = texture.crumb(P, CRUMB, PORE, 41)
-    body = texture.mix(inside, _crust(tilt(P, LEAN, SQUEEZE)), 1 - smoothstep(0.010, 0.030, depth))
+    crumb = partial(texture.crumb, pale=CRUMB, pore=PORE, seed=41)
+    body = texture.coat(P, texture.skin(depth, 0.010, 0.030), crumb, _crust)
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.22, sharpness=10)
 
 
@@ -39,32 +41,33 @@ def _round(V: Array) -> Array:
 def _loaf(Q: Array) -> Array:
     """Tapered tin part and the crown that rose over its rim, in upright coordinates."""
     R = Q.copy()
-    R[:, 0] = Q[:, 0] / (1 + 0.10 * Q[:, 1])
+    R[0] = Q[0] / (1 + 0.10 * Q[1])
     tin = box(R, (0, -0.12, 0), (0.460, 0.26, 0.19), 0.05)
     C = Q.copy()
-    C[:, 1] = Q[:, 1] + 0.30 * Q[:, 0] ** 2
+    C[1] = Q[1] + 0.30 * Q[0] ** 2
     crown = box(C, (0, 0.21, 0), (0.505, 0.185, 0.235), 0.16)
     return union(tin, crown, 0.02)
 
 
 def _slash(Q: Array) -> Array:
     """1 within the cuts across the crown, 0 outside, [N]."""
-    down = np.arctan2(Q[:, 2], Q[:, 1] - 0.12)
-    x = Q[:, 0] - 0.16 * (down - 0.5)
+    down = np.arctan2(Q[2], Q[1] - 0.12)
+    x = Q[0] - 0.16 * (down - 0.5)
     index = np.clip(np.round(x / PITCH + 0.5) - 0.5, 0.5 - SLASHES / 2, SLASHES / 2 - 0.5)
     lens = 1 - np.square((down - 0.45) / 0.85)
     inside = 0.046 * np.sqrt(np.maximum(lens, 0)) - np.abs(x - PITCH * index)
-    return smoothstep(-0.012, 0.022, inside) * (Q[:, 1] > 0) * smoothstep(0.0, 0.3, lens)
+    return smoothstep(-0.012, 0.022, inside) * (Q[1] > 0) * smoothstep(0.0, 0.3, lens)
 
 
-def _crust(Q: Array) -> Array:
+def _crust(P: Array) -> Array:
     """Dark crown, golden sides paler to the rim and foot, torn pale crumb in the cuts, a dust of flour."""
-    height, cut = Q[:, 1], _slash(Q)
+    Q = tilt(P, LEAN, SQUEEZE)
+    height, cut = Q[1], _slash(Q)
     blotch = noise.fractal(Q, 7, 44, octaves=4)
-    bake = 0.42 + 0.65 * smoothstep(0.06, 0.36, height + 0.3 * Q[:, 0] ** 2) + 0.30 * blotch
+    bake = 0.36 + 0.70 * smoothstep(0.06, 0.36, height + 0.3 * Q[0] ** 2) + 0.30 * blotch
     bake = bake - 0.22 * smoothstep(0.09, 0.02, np.abs(height - 0.05)) + 0.25 * smoothstep(-0.25, -0.40, height)
-    torn = 0.08 + 0.25 * np.abs(noise.fractal(Q * np.array([2.2, 0.8, 0.8]), 14, 45)) + 0.35 * (1 - cut)
+    torn = 0.08 + 0.25 * np.abs(noise.fractal(Q * vector((2.2, 0.8, 0.8), Q), 14, 45)) + 0.35 * (1 - cut)
     bake = bake + (torn - bake) * smoothstep(0.15, 0.75, cut)
     crust = texture.ramp(bake, (0.0, 0.40, 0.80, 1.2), (PALE, GOLD, BROWN, DARK))
     flour = smoothstep(0.15, 0.7, noise.fractal(Q, 18, 46) + 0.5 * blotch) * smoothstep(0.1, 0.3, height) * (1 - cut)
-    return texture.mix(crust, texture.rgb(0.97, 0.91, 0.80), 0.45 * flour) * texture.mottle(Q, 0.07, 47)
+    return texture.mix(crust, texture.rgb(0.97, 0.91, 0.80), 0.45 * flour) * texture.mottle(Q, 0.08, 47)

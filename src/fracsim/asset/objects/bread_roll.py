@@ -1,11 +1,13 @@
 """Bread roll: a round bun that leans its top to the viewer, cut crosswise and dusted with flour."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
 from fracsim.asset.objects.shapes import Array, ellipsoid, in_blocks, smoothstep, tilt, union, unsqueeze
 
-BOUNDS = ((-0.53, -0.48, -0.27), (0.53, 0.48, 0.27))
+BOUNDS = ((-0.53, -0.51, -0.26), (0.53, 0.47, 0.23))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 56.0, 0.55
@@ -15,17 +17,17 @@ CRUMB, PORE = texture.rgb(0.99, 0.94, 0.82), texture.rgb(0.88, 0.76, 0.56)
 FLOUR = texture.rgb(0.99, 0.96, 0.90)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: thin crust over a fine white crumb."""
-    inside = texture.crumb(P, CRUMB, PORE, 51, size=0.8)
-    body = texture.mix(inside, _crust(tilt(P, LEAN, SQUEEZE)), 1 - smoothstep(0.010, 0.030, depth))
+    crumb = partial(texture.crumb, pale=CRUMB, pore=PORE, seed=51, size=0.8)
+    body = texture.coat(P, texture.skin(depth, 0.010, 0.030), crumb, _crust)
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.30, sharpness=12)
 
 
@@ -40,24 +42,25 @@ def _round(V: Array) -> Array:
 
 def _cross(Q: Array) -> Array:
     """Depth of the two cuts, 1 along their middle at the top, 0 outside, [N]."""
-    a, b = (Q[:, 0] + Q[:, 2]) * np.sqrt(0.5), (Q[:, 0] - Q[:, 2]) * np.sqrt(0.5)
-    groove = np.zeros(len(Q), Q.dtype)
+    a, b = (Q[0] + Q[2]) * np.sqrt(0.5), (Q[0] - Q[2]) * np.sqrt(0.5)
+    groove = np.zeros_like(Q[0])
     for along, across in ((a, b), (b, a)):
         inside = 0.075 * (1 - np.square(along / 0.40)) - np.abs(across)
         groove = np.maximum(groove, smoothstep(0.0, 0.065, inside))
-    return groove * smoothstep(0.0, 0.12, Q[:, 1])
+    return groove * smoothstep(0.0, 0.12, Q[1])
 
 
-def _crust(Q: Array) -> Array:
+def _crust(P: Array) -> Array:
     """Golden flanks, browner shoulders, pale torn cuts, flour caught on the top."""
-    cut, radius = _cross(Q), np.hypot(Q[:, 0], Q[:, 2])
+    Q = tilt(P, LEAN, SQUEEZE)
+    cut, radius = _cross(Q), np.hypot(Q[0], Q[2])
     blotch = noise.fractal(Q, 7, 54, octaves=4)
-    bake = 0.50 + 0.35 * smoothstep(0.0, 0.25, Q[:, 1]) + 0.22 * blotch - 0.25 * smoothstep(-0.02, -0.2, Q[:, 1])
+    bake = 0.50 + 0.35 * smoothstep(0.0, 0.25, Q[1]) + 0.22 * blotch - 0.25 * smoothstep(-0.02, -0.2, Q[1])
     torn = 0.05 + 0.35 * np.abs(noise.fractal(Q, 20, 55))
     bake = bake + 0.30 * smoothstep(0.02, 0.12, cut) * (1 - smoothstep(0.15, 0.35, cut))
     bake = bake + (torn - bake) * smoothstep(0.2, 0.5, cut)
     crust = texture.ramp(bake, (0.0, 0.42, 0.85, 1.2), (PALE, GOLD, BROWN, DARK))
     dust = noise.fractal(Q, 16, 56) + 0.8 * blotch + 0.25
-    flour = smoothstep(0.0, 0.9, dust) * smoothstep(0.05, 0.25, Q[:, 1]) * (1 - smoothstep(0.15, 0.4, cut))
+    flour = smoothstep(0.0, 0.9, dust) * smoothstep(0.05, 0.25, Q[1]) * (1 - smoothstep(0.15, 0.4, cut))
     flour = flour * smoothstep(0.48, 0.30, radius)
     return texture.mix(crust, FLOUR, 0.75 * flour) * texture.mottle(Q, 0.07, 57)

@@ -6,7 +6,7 @@ from fracsim.asset.objects import noise, shading, texture
 from fracsim.asset.objects.shapes import Array, cylinder, fold_angle, in_blocks, smoothstep, sphere, tilt, union
 from fracsim.asset.objects.shapes import ellipsoid, unsqueeze
 
-BOUNDS = ((-0.53, -0.47, -0.36), (0.53, 0.47, 0.36))
+BOUNDS = ((-0.54, -0.50, -0.38), (0.54, 0.50, 0.33))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 28.0, 0.6
@@ -15,22 +15,23 @@ SWIRLS, SHELLS = 8, 22
 SPONGE, PORE = texture.rgb(0.96, 0.79, 0.46), texture.rgb(0.80, 0.57, 0.27)
 CREAM, JAM = texture.rgb(1.0, 0.97, 0.90), texture.rgb(0.80, 0.13, 0.20)
 ICING, CHERRY = texture.rgb(0.98, 0.62, 0.70), texture.rgb(0.78, 0.05, 0.11)
-SPRINKLES = np.array([[0.30, 0.62, 0.86], [0.99, 0.85, 0.30], [0.45, 0.76, 0.42], [0.62, 0.38, 0.75]], np.float32)
+SPRINKLES = np.array([[0.30, 0.99, 0.45, 0.62], [0.62, 0.85, 0.76, 0.38], [0.86, 0.30, 0.42, 0.75]], np.float32)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: icing and cream over sponge, cream and jam."""
     Q = tilt(P, LEAN, SQUEEZE)
-    body = texture.mix(_layers(Q), _outside(Q), 1 - smoothstep(0.014, 0.024, depth))
-    for part, tone in ((_shells(Q), CREAM), (_swirls(Q), CREAM), (_cherries(Q), CHERRY)):
-        body = texture.mix(body, tone * texture.mottle(Q, 0.04, 81), smoothstep(0.010, 0.0, part))
+    body = texture.coat(Q, texture.skin(depth, 0.014, 0.024), _layers, _outside)
+    fruit, cream = _cherries(Q), np.minimum(_shells(Q), _swirls(Q))
+    topping = texture.mix(CREAM, CHERRY, smoothstep(0.010, 0.0, fruit)) * texture.mottle(Q, 0.04, 81)
+    body = texture.mix(body, topping, smoothstep(0.010, 0.0, np.minimum(fruit, cream)))
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.45)
 
 
@@ -38,25 +39,29 @@ def _round(V: Array) -> Array:
     """Distance in unsqueezed view coordinates."""
     Q = tilt(V, LEAN, 1.0)
     body = cylinder(Q, (0, (TOP + BOTTOM) / 2, 0), RADIUS - 0.014, (TOP - BOTTOM) / 2, 0.05)
-    body = body - 0.016 * _iced(Q) - 0.005 * np.cos((Q[:, 1] - TOP) * 2 * np.pi / 0.16)
+    body = body - 0.016 * _iced(Q) - 0.005 * np.cos((Q[1] - TOP) * 2 * np.pi / 0.16)
     body = union(union(body, _shells(Q), 0.015), _swirls(Q), 0.015)
     return 0.95 * union(body, _cherries(Q), 0.008)
 
 
-def _swirls(Q: Array) -> Array:
-    """Piped rosettes round the top and one in the middle: a fluted flat ball that narrows upwards."""
+def _places(Q: Array) -> Array:
+    """Points about the axis of the nearest rosette, of the ring's or of the one in the middle."""
     R = fold_angle(Q, SWIRLS)
-    # Nearest of the ring's rosette and the middle one: the same shape about either axis.
-    R[:, 2] = np.where(np.hypot(Q[:, 0], Q[:, 2]) < 0.17, np.hypot(Q[:, 0], Q[:, 2]), R[:, 2] - 0.34)
-    flute = 0.004 * np.cos(7 * np.arctan2(R[:, 0], R[:, 2]) + 70 * Q[:, 1])
+    R[2] -= 0.34 * (R[2] > 0.17)
+    return R
+
+
+def _swirls(Q: Array) -> Array:
+    """Piped rosettes: two fluted tiers."""
+    R = _places(Q)
+    flute = 0.004 * np.cos(8 * np.arctan2(R[0], R[2]))
     foot = ellipsoid(R, (0, TOP + 0.018, 0), (0.105, 0.045, 0.105))
     return union(foot, ellipsoid(R, (0, TOP + 0.065, 0), (0.078, 0.04, 0.078)), 0.01) + flute
 
 
 def _cherries(Q: Array) -> Array:
     """A cherry on each rosette."""
-    rim = sphere(fold_angle(Q, SWIRLS), (0, TOP + 0.105, 0.34), 0.066)
-    return np.minimum(rim, sphere(Q, (0, TOP + 0.12, 0), 0.075))
+    return sphere(_places(Q), (0, TOP + 0.105, 0), 0.068)
 
 
 def _shells(Q: Array) -> Array:
@@ -67,9 +72,9 @@ def _shells(Q: Array) -> Array:
 
 def _drip(Q: Array) -> Array:
     """Height above the lower edge of the icing: drips of uneven length round the side, [N]."""
-    angle = np.arctan2(Q[:, 0], Q[:, 2])
+    angle = np.arctan2(Q[0], Q[2])
     length = 0.075 + 0.055 * np.cos(13 * angle + 1.1 * np.sin(3 * angle)) * (0.75 + 0.35 * np.cos(5 * angle + 1))
-    return Q[:, 1] - (TOP - 0.06) + length
+    return Q[1] - (TOP - 0.06) + length
 
 
 def _iced(Q: Array) -> Array:
@@ -80,16 +85,16 @@ def _iced(Q: Array) -> Array:
 def _outside(Q: Array) -> Array:
     """Bare sponge side, baked a shade darker, under pink icing with sprinkles on the top."""
     near, own = noise.cells(Q, 13, 82)
-    top = smoothstep(TOP - 0.03, TOP, Q[:, 1])
-    sprinkle = smoothstep(0.27, 0.19, near) * (own > 0.25) * top
+    top = smoothstep(TOP - 0.03, TOP, Q[1])
+    sprinkle = smoothstep(0.34, 0.24, near) * top
     icing = ICING * texture.mottle(Q, 0.035, 83)
-    icing = texture.mix(icing, SPRINKLES[(own * 997).astype(np.int64) % 4], sprinkle)
-    return texture.mix(_layers(Q) * np.array([0.97, 0.92, 0.86], np.float32), icing, smoothstep(0.3, 0.7, _iced(Q)))
+    icing = texture.mix(icing, SPRINKLES[:, (own * 997).astype(np.int64) % 4], sprinkle)
+    return texture.mix(_layers(Q) * texture.rgb(0.97, 0.92, 0.86), icing, smoothstep(0.3, 0.7, _iced(Q)))
 
 
 def _layers(Q: Array) -> Array:
     """Three sponges, between them cream with a line of jam."""
-    height = Q[:, 1] + 0.006 * noise.value(Q, 9, 84)
+    height = Q[1] + 0.006 * noise.value(Q, 9, 84)
     off = np.abs((TOP - height) / 0.16 - np.round(np.clip((TOP - height) / 0.16, 1, 2))) * 0.16
     layers = texture.crumb(Q, SPONGE, PORE, 85, size=0.75)
     layers = texture.mix(layers, CREAM * texture.mottle(Q, 0.03, 86), smoothstep(0.026, 0.020, off))

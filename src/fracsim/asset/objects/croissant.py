@@ -5,7 +5,7 @@ import numpy as np
 from fracsim.asset.objects import noise, shading, texture
 from fracsim.asset.objects.shapes import Array, in_blocks, smoothstep
 
-BOUNDS = ((-0.53, -0.45, -0.24), (0.53, 0.47, 0.24))
+BOUNDS = ((-0.52, -0.41, -0.24), (0.52, 0.50, 0.24))
 CLASS = "low_stretch"
 
 CENTRE_Y, RADIUS = -0.09, 0.355  # of the circle the roll is bent to
@@ -17,30 +17,35 @@ BROWN, DARK = texture.rgb(0.69, 0.37, 0.11), texture.rgb(0.47, 0.22, 0.07)
 CRUMB, PORE = texture.rgb(0.98, 0.90, 0.68), texture.rgb(0.83, 0.64, 0.36)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
-    off, along, reach = _roll(P)
-    ridge = _ridge(_phase(P, along, reach) % 1.0)
-    radius = THICK - (THICK - THIN) * along**1.5
-    # Near the circle's centre the angle turns too fast for a distance: there the roll is taken as even.
-    w = smoothstep(0.04, 0.18, reach)
-    return 0.85 * (off - (1 - w) * THIN - w * (radius + ridge))
+    return _solid(P)
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: baked leaves over a honeycomb crumb."""
-    body = texture.mix(_inside(P), _crust(P), 1 - smoothstep(0.010, 0.035, depth))
-    return shading.bake(distance, P, depth, body, gloss=0.38, sharpness=16)
+    body = texture.coat(P, texture.skin(depth, 0.010, 0.035), _inside, _crust)
+    return shading.bake(_solid, P, depth, body, gloss=0.38, sharpness=16)
+
+
+def _solid(P: Array) -> Array:
+    """Distance [N] of rows [3, N]."""
+    off, along, reach = _roll(P)
+    ridge = _ridge(_phase(P, along, reach) % 1.0) * (1 - smoothstep(0.85, 0.97, along))
+    radius = THICK - (THICK - THIN) * along**1.5
+    # Near the circle's centre the angle turns too fast for a distance: there the roll is taken as even.
+    even, smooth = smoothstep(0.04, 0.18, reach), smoothstep(0.10, 0.26, reach)
+    return 0.83 * (off - THIN - even * (radius - THIN) - smooth * ridge)
 
 
 def _roll(P: Array) -> tuple[Array, Array, Array]:
     """Distance to the centre line, the place along it (0 crown, 1 tip), and the distance from the circle's centre."""
-    x, y = np.abs(P[:, 0]), P[:, 1] - CENTRE_Y
+    x, y = np.abs(P[0]), P[1] - CENTRE_Y
     angle = np.minimum(np.arctan2(x, y), SPAN)
     u, v = x - RADIUS * np.sin(angle), y - RADIUS * np.cos(angle)
-    return np.sqrt(u * u + v * v + P[:, 2] ** 2), angle / SPAN, np.hypot(x, y)
+    return np.sqrt(u * u + v * v + P[2] ** 2), angle / SPAN, np.hypot(x, y)
 
 
 def _phase(P: Array, along: Array, reach: Array) -> Array:

@@ -1,71 +1,83 @@
 """Rubber duck in profile, facing left: yellow body, orange beak, painted eye, wing and cheek."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, sphere, union
+from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, sphere, union, vector
 
-BOUNDS = ((-0.60, -0.47, -0.31), (0.54, 0.52, 0.31))
+BOUNDS = ((-0.56, -0.46, -0.33), (0.53, 0.51, 0.33))
 CLASS = "high_stretch"
 
 YELLOW, AMBER = texture.rgb(1.0, 0.83, 0.12), texture.rgb(0.96, 0.62, 0.06)
 ORANGE, BLUSH = texture.rgb(0.97, 0.45, 0.08), texture.rgb(0.99, 0.58, 0.25)
 BLACK, WHITE = texture.rgb(0.07, 0.06, 0.08), texture.rgb(1.0, 1.0, 0.98)
 RUBBER = texture.rgb(0.93, 0.70, 0.13)
-EYE = (-0.285, 0.285)
+EYE = (-0.245, 0.285)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
-    Q = mirror(P, 2)
-    body = union(_trunk(Q), _head(Q), 0.08)
-    body = union(body, ellipsoid(Q, (0.13, -0.10, 0.235), (0.21, 0.13, 0.06)), 0.025)
-    return union(body, _beak(Q), 0.02)
+    return _solid(P)
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.mix(texture.rubber(P, RUBBER, 91), _paint(mirror(P, 2)), texture.skin(depth))
-    return shading.bake(distance, P, depth, body, gloss=0.60, sharpness=30)
+    body = texture.coat(mirror(P, 2), texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=91), _paint)
+    return shading.bake(_solid, P, depth, body, gloss=0.60, sharpness=30)
+
+
+def _solid(P: Array) -> Array:
+    """Distance [N] of rows [3, N]."""
+    Q = mirror(P, 2)
+    body = union(_trunk(Q), _head(Q), 0.08)
+    body = union(body, _wing(Q), 0.02)
+    return union(body, _beak(Q), 0.02)
 
 
 def _trunk(Q: Array) -> Array:
     """Body with breast and a raised tail."""
     body = union(ellipsoid(Q, (0.04, -0.16, 0), (0.42, 0.27, 0.27)), sphere(Q, (-0.16, -0.14, 0), 0.25), 0.10)
-    return union(body, capsule(Q, (0.30, -0.10, 0), (0.46, 0.12, 0), 0.13, 0.05), 0.12)
+    return union(body, capsule(Q, (0.30, -0.10, 0), (0.44, 0.25, 0), 0.15, 0.055), 0.12)
 
 
 def _head(Q: Array) -> Array:
     """Head, with a tuft at the back."""
-    return sphere(Q, (-0.20, 0.24, 0), 0.235)
+    return sphere(Q, (-0.16, 0.235, 0), 0.24)
+
+
+def _wing(Q: Array) -> Array:
+    """Wing that lies on the flank, its tip raised to the tail."""
+    flat = Q * vector((1, 1, 2.2), Q)
+    return 0.8 * capsule(flat, (0.02, -0.12, 0.52), (0.28, -0.02, 0.46), 0.125, 0.055)
 
 
 def _beak(Q: Array) -> Array:
     """Upper and lower half of the beak."""
-    upper = ellipsoid(Q, (-0.45, 0.205, 0), (0.115, 0.050, 0.115))
-    return np.minimum(upper, ellipsoid(Q, (-0.43, 0.145, 0), (0.085, 0.042, 0.090)))
+    upper = ellipsoid(Q, (-0.41, 0.205, 0), (0.12, 0.055, 0.115))
+    return np.minimum(upper, ellipsoid(Q, (-0.39, 0.140, 0), (0.09, 0.045, 0.090)))
 
 
 def _paint(Q: Array) -> Array:
     """Yellow that deepens downwards, feather lines on the wing, cheek, eye and beak."""
-    deep = smoothstep(0.15, -0.40, Q[:, 1]) + 0.35 * noise.fractal(Q, 9, 92, octaves=4)
+    deep = smoothstep(0.15, -0.40, Q[1]) + 0.9 * noise.fractal(Q, 12, 92, octaves=4)
     paint = texture.mix(YELLOW, AMBER, np.clip(0.45 * deep, 0, 1))
-    wing = ellipsoid(Q, (0.13, -0.10, 0.235), (0.21, 0.13, 0.06))
-    feather = np.abs(np.sin(26 * np.hypot(Q[:, 0] + 0.16, Q[:, 1] - 0.02) + 1.5 * noise.value(Q, 9, 93)))
-    paint = texture.mix(paint, AMBER, 0.75 * smoothstep(0.35, 0.08, feather) * smoothstep(0.012, -0.004, wing))
-    paint = texture.mix(paint, BLUSH, 0.7 * texture.disc(Q[:, 0] + 0.24, Q[:, 1] - 0.175, (0.07, 0.055), 0.05))
-    paint = paint * texture.mottle(Q, 0.04, 94)
-    beak = texture.mix(ORANGE, BLACK, 0.55 * smoothstep(0.014, 0.004, np.abs(Q[:, 1] - 0.170 - 0.1 * (Q[:, 0] + 0.45))))
-    paint = texture.mix(paint, beak * texture.mottle(Q, 0.06, 95), smoothstep(0.010, 0.0, _beak(Q)))
-    return _eye(Q, paint)
+    feather = np.abs(np.sin(np.pi * (Q[1] + 0.08 - 0.9 * np.square(Q[0] - 0.06)) / 0.062))
+    streak = smoothstep(0.5, 0.1, feather) * smoothstep(0.08, 0.14, Q[0]) * smoothstep(0.012, -0.004, _wing(Q))
+    paint = texture.mix(paint, ORANGE, 0.6 * streak)
+    paint = texture.mix(paint, BLUSH, 0.7 * texture.disc(Q[0] + 0.20, Q[1] - 0.165, (0.07, 0.055), 0.05))
+    beak = texture.mix(ORANGE, BLACK, 0.55 * smoothstep(0.014, 0.004, np.abs(Q[1] - 0.170 - 0.1 * (Q[0] + 0.41))))
+    paint = texture.mix(paint, beak, smoothstep(0.010, 0.0, _beak(Q)))
+    return _eye(Q, paint * texture.mottle(Q, 0.07, 94))
 
 
 def _eye(Q: Array, paint: Array) -> Array:
     """A black eye with a white rim and glint."""
-    u, v = Q[:, 0] - EYE[0], Q[:, 1] - EYE[1]
-    on = smoothstep(0.05, 0.08, Q[:, 2])
-    paint = texture.mix(paint, WHITE, on * texture.disc(u, v, (0.062, 0.078)))
-    paint = texture.mix(paint, BLACK, on * texture.disc(u + 0.008, v, (0.046, 0.062)))
-    return texture.mix(paint, WHITE, on * texture.disc(u + 0.018, v - 0.024, (0.018, 0.020), 0.008))
+    u, v = Q[0] - EYE[0], Q[1] - EYE[1]
+    on = smoothstep(0.05, 0.08, Q[2])
+    paint = texture.mix(paint, WHITE, on * texture.disc(u, v, (0.070, 0.088)))
+    paint = texture.mix(paint, BLACK, on * texture.disc(u + 0.008, v, (0.053, 0.071)))
+    return texture.mix(paint, WHITE, on * texture.disc(u + 0.022, v - 0.028, (0.021, 0.024), 0.008))

@@ -1,11 +1,13 @@
 """Muffin from the side, leaning its domed top to the viewer: pleated paper cup, cracked crust, chocolate chips."""
 
+import functools
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, box2, ellipsoid, in_blocks, smoothstep, tilt, union, unsqueeze
+from fracsim.asset.objects.shapes import Array, box2, ellipsoid, in_blocks, norm, smoothstep, tilt, union, unsqueeze, vector
 
-BOUNDS = ((-0.53, -0.50, -0.31), (0.53, 0.50, 0.31))
+BOUNDS = ((-0.54, -0.53, -0.30), (0.54, 0.47, 0.34))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 20.0, 0.6
@@ -20,18 +22,16 @@ _rise = 0.96 - 0.86 * (np.arange(26) + 0.5) / 26
 CHIPS = np.stack([np.sin(_turn) * np.sqrt(1 - _rise**2), _rise, np.cos(_turn) * np.sqrt(1 - _rise**2)], axis=1)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paper or crust over a crumb with chips."""
-    Q = tilt(P, LEAN, SQUEEZE)
-    outside = texture.mix(_paper(Q), _crust(Q), smoothstep(-0.025, 0.0, _above_rim(Q)))
-    body = texture.mix(_inside(P), outside, 1 - smoothstep(0.008, 0.024, depth))
+    body = texture.coat(P, texture.skin(depth, 0.010, 0.026), _inside, _outside)
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.20, sharpness=12)
 
 
@@ -43,15 +43,15 @@ def _round(V: Array) -> Array:
 
 def _cup(Q: Array) -> Array:
     """Pleated frustum that widens upwards."""
-    radius, height = np.hypot(Q[:, 0], Q[:, 2]), Q[:, 1]
-    pleat = 0.011 * np.cos(PLEATS * np.arctan2(Q[:, 0], Q[:, 2])) * smoothstep(0.1, 0.25, radius)
+    radius, height = np.hypot(Q[0], Q[2]), Q[1]
+    pleat = 0.011 * np.cos(PLEATS * np.arctan2(Q[0], Q[2])) * smoothstep(0.1, 0.25, radius)
     return 0.95 * box2(radius - 0.16 * (height + 0.22) - pleat, height + 0.20, (0.345, 0.25), 0.03)
 
 
 def _dome(Q: Array) -> Array:
     """The top that rose over the rim, lumpy and cracked."""
     swell = 0.020 * noise.value(Q, 5.5, 61)
-    return ellipsoid(Q, (0, 0.11, 0), (0.49, 0.31, 0.49)) + swell + 0.022 * _crack(Q)
+    return ellipsoid(Q, (0, 0.11, 0), (0.49, 0.31, 0.49)) + swell + 0.018 * _crack(Q)
 
 
 def _crack(Q: Array) -> Array:
@@ -61,29 +61,30 @@ def _crack(Q: Array) -> Array:
 
 def _chip(Q: Array) -> Array:
     """1 on the chocolate chips of the top, 0 elsewhere, by direction from the dome's middle, [N]."""
-    d = (Q - np.array([0, 0.08, 0], Q.dtype)) / np.array([0.495, 0.34, 0.495], Q.dtype)
-    d = d / np.sqrt(np.einsum("ij,ij->i", d, d) + 1e-6)[:, None]
-    nearest = (d @ CHIPS.astype(Q.dtype).T).max(axis=1)
-    return smoothstep(0.9905, 0.9965, nearest) * smoothstep(0.02, 0.06, Q[:, 1])
+    d = (Q - vector((0, 0.08, 0), Q)) / vector((0.495, 0.34, 0.495), Q)
+    nearest = functools.reduce(np.maximum, (c[0] * d[0] + c[1] * d[1] + c[2] * d[2] for c in CHIPS.tolist()))
+    nearest = nearest / np.maximum(norm(d), 1e-3)
+    return smoothstep(0.9905, 0.9965, nearest) * smoothstep(0.02, 0.06, Q[1])
 
 
-def _above_rim(Q: Array) -> Array:
-    """Height over the paper's rim, [N]."""
-    return Q[:, 1] - 0.035
+def _outside(P: Array) -> Array:
+    """Paper up to its rim, crust above."""
+    Q = tilt(P, LEAN, SQUEEZE)
+    return texture.coat(Q, smoothstep(0.010, 0.035, Q[1]), _paper, _crust)
 
 
 def _paper(Q: Array) -> Array:
     """Striped cup, shaded in the pleats, stained a little by fat."""
-    pleat = np.cos(PLEATS * np.arctan2(Q[:, 0], Q[:, 2]))
+    pleat = np.cos(PLEATS * np.arctan2(Q[0], Q[2]))
     paper = texture.mix(STRIPE, PAPER, smoothstep(-0.3, 0.3, pleat))
     shade = 0.84 + 0.16 * smoothstep(-1, 0.6, pleat) + 0.08 * noise.fractal(Q, 12, 65)
-    return paper * shade[:, None] * texture.mottle(Q, 0.03, 66)
+    return paper * shade * texture.mottle(Q, 0.03, 66)
 
 
 def _crust(Q: Array) -> Array:
     """Browned top, pale in the clefts, with chocolate chips."""
     blotch, crack = noise.fractal(Q, 8, 67, octaves=4), _crack(Q)
-    bake = 0.45 + 0.40 * smoothstep(0.10, 0.38, Q[:, 1]) + 0.30 * blotch - 0.40 * crack
+    bake = 0.45 + 0.40 * smoothstep(0.10, 0.38, Q[1]) + 0.30 * blotch - 0.28 * crack
     crust = texture.ramp(bake, (0.0, 0.40, 0.85, 1.2), (PALE, GOLD, BROWN, DARK)) * texture.mottle(Q, 0.06, 68)
     return texture.mix(crust, CHOCOLATE * texture.mottle(Q, 0.12, 69), smoothstep(0.05, 0.2, _chip(Q)))
 

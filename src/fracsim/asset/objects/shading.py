@@ -12,19 +12,25 @@ from fracsim.asset.objects.texture import mix
 Array = NDArray[np.floating[Any]]
 Distance = Callable[[Array], Array]
 
-LIGHT = np.array([-0.45, 0.70, 0.55], np.float32) / np.float32(0.9975)  # the key light: above, left, in front
+LIGHT = np.array([-0.4511, 0.7018, 0.5514], np.float32)  # the key light: above, left, in front
 HALF = np.array([-0.2555, 0.3975, 0.8813], np.float32)  # half way between the key light and the eye on +z
 STEP = 0.006  # of the difference quotient: half a particle spacing, so that bumps finer than a splat do not alias
 REACH = 0.05  # along the normal, within which a surface is taken to be shaded by its neighbourhood
 FULL, GONE = 0.014, 0.040  # depths to which the light is full, and from which there is none
-CREASE = np.array([0.62, 0.72, 0.78], np.float32)  # taken from each channel where nothing is seen: creases stay warm
+CREASE = np.array([[0.62], [0.72], [0.78]], np.float32)  # taken from each channel where nothing is seen: creases stay warm
+
+
+def dot(direction: Array, n: Array) -> Array:
+    """Cosine [N] between a direction [3] and normals [3, N]; too few rows for a matrix product to pay."""
+    out: Array = direction[0] * n[0] + direction[1] * n[1] + direction[2] * n[2]
+    return out
 
 
 def normal(distance: Distance, P: Array, here: Array) -> Array:
-    """Unit outward normals [N, 3] by forward differences from the distances `here` [N]."""
+    """Unit outward normals [3, N] by forward differences from the distances `here` [N]."""
     steps = STEP * np.eye(3, dtype=P.dtype)
-    g = np.stack([distance(P + step) - here for step in steps], axis=1)
-    out: Array = g / np.maximum(norm(g), 1e-9)[:, None]
+    g = np.stack([distance(P + step[:, None]) - here for step in steps])
+    out: Array = g / np.maximum(norm(g), 1e-9)
     return out
 
 
@@ -35,21 +41,21 @@ def openness(distance: Distance, P: Array, here: Array, n: Array) -> Array:
 
 
 def bake(distance: Distance, P: Array, depth: Array, colour: Array, gloss: float, sharpness: float = 24.0) -> Array:
-    """Colour [N, 3] in [0, 1] with light, shade in creases and a highlight of strength `gloss` near the surface.
+    """Colour [3, N] in [0, 1] with light, shade in creases and a highlight of strength `gloss` near the surface.
 
     `distance` and `P` are in view coordinates (eye on +z) of the object before it is squeezed along the line of sight.
     """
     out = np.clip(colour, 0.0, 1.0).astype(np.float32)
     lit = np.flatnonzero(depth < GONE)
-    Q = P[lit].astype(np.float32)
+    Q = P[:, lit].astype(np.float32, copy=False)
     here = distance(Q)
     n = normal(distance, Q, here)
     seen = openness(distance, Q, here, n)
-    key, sky = np.clip(n @ LIGHT, 0.0, 1.0), 0.5 + 0.5 * n[:, 1]
+    key, sky = np.clip(dot(LIGHT, n), 0.0, 1.0), 0.5 + 0.5 * n[1]
     strength = 0.58 + 0.45 * key + 0.18 * sky
-    shine = gloss * np.clip(n @ HALF, 0.0, 1.0) ** sharpness * seen
-    light = out[lit] * strength[:, None] * (1 - (1 - seen[:, None]) * CREASE)
-    light = light + (1 - np.clip(light, 0, 1)) * shine[:, None]
+    shine = gloss * np.clip(dot(HALF, n), 0.0, 1.0) ** sharpness * seen
+    light = out[:, lit] * strength * (1 - (1 - seen) * CREASE)
+    light = light + (1 - np.clip(light, 0, 1)) * shine
     w = 1 - smoothstep(FULL, GONE, depth[lit].astype(np.float32))
-    out[lit] = np.clip(mix(out[lit], light, w), 0.0, 1.0)
+    out[:, lit] = np.clip(mix(out[:, lit], light, w), 0.0, 1.0)
     return out

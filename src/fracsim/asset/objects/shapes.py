@@ -1,45 +1,54 @@
-"""Distance functions of simple solids, negative inside, and the ways to join them; points are [N, 3], results [N]."""
+"""Distance functions of simple solids, negative inside, and the ways to join them.
+
+Inside this folder points and colours are rows [3, N], one contiguous row a coordinate or channel: NumPy is then several
+times faster than on [N, 3]. `in_blocks` turns such a function into the public one on [N, 3].
+"""
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 Array = NDArray[np.floating[Any]]
 Vector = Sequence[float]
 
-
 BLOCK = 1 << 14  # points worked on at a time, so that the intermediate arrays stay in the cache
-Field = TypeVar("Field", bound=Callable[..., Array])
 
 
-def in_blocks(function: Field) -> Field:
-    """Lets a function of arrays that share their first axis run on a block of points at a time."""
+def in_blocks(dtype: DTypeLike = None) -> Callable[[Callable[..., Array]], Callable[..., Array]]:
+    """Makes a function of rows [3, N] (and numbers [N]) one of points [N, 3], run on a block of points at a time.
 
-    @functools.wraps(function)
-    def run(*arrays: Array) -> Array:
-        starts = range(0, max(len(arrays[0]), 1), BLOCK)
-        return np.concatenate([function(*(a[i : i + BLOCK] for a in arrays)) for i in starts])
+    `dtype` is the precision worked in; None keeps the caller's.
+    """
 
-    return cast(Field, run)
+    def wrap(function: Callable[..., Array]) -> Callable[..., Array]:
+        @functools.wraps(function)
+        def run(*arrays: Array) -> Array:
+            starts = range(0, max(len(arrays[0]), 1), BLOCK)
+            parts = [function(*(np.array(a[i : i + BLOCK].T, dtype, order="C") for a in arrays)) for i in starts]
+            return np.concatenate([np.asarray(part).T for part in parts])
 
+        return run
 
-def norm(v: Array) -> Array:
-    """Euclidean length over the last axis; for [N, 3] faster than `np.linalg.norm`."""
-    out: Array = np.sqrt(np.einsum("...i,...i->...", v, v))
-    return out
+    return wrap
 
 
 def vector(v: Vector, like: Array) -> Array:
-    """A constant vector in the precision of `like`, so that single-precision points stay single."""
-    return np.asarray(v, dtype=like.dtype)
+    """A constant vector as a column [3, 1] in the precision of `like`, so that single-precision points stay single."""
+    return np.asarray(v, dtype=like.dtype)[:, None]
+
+
+def norm(v: Array) -> Array:
+    """Euclidean length [N] of rows [3, N]."""
+    out: Array = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return out
 
 
 def smoothstep(low: float, high: float, x: Array) -> Array:
     """0 below `low`, 1 above `high`, a C^1 cubic between; `low` > `high` turns it round."""
-    t = np.clip((x - low) / (high - low), 0.0, 1.0)
+    t = np.clip((x - low) * (1 / (high - low)), 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 
@@ -48,37 +57,36 @@ def rotate(P: Array, axis: int, degrees: float) -> Array:
     c, s = float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     Q = P.copy()
-    Q[:, i], Q[:, j] = c * P[:, i] - s * P[:, j], s * P[:, i] + c * P[:, j]
+    Q[i], Q[j] = c * P[i] - s * P[j], s * P[i] + c * P[j]
     return Q
 
 
-def tilt(P: Array, degrees: float, squeeze: float) -> Array:
-    """View points to the upright coordinates of an object that leans its top to the viewer, squeezed along the view.
-
-    The squeeze leaves the picture from +z as it is and takes volume, hence cost, from what the picture does not show.
-    """
-    return rotate(unsqueeze(P, squeeze), 0, -degrees)
-
-
 def unsqueeze(P: Array, squeeze: float) -> Array:
-    """Points of an object that is flattened along z by `squeeze`, in its round coordinates."""
+    """Round coordinates of points of an object that is flattened along z by the factor `squeeze`.
+
+    Flattening leaves the picture from +z as it is and takes volume, hence cost, from what the picture does not show.
+    """
     return P * vector((1, 1, 1 / squeeze), P)
+
+
+def tilt(P: Array, degrees: float, squeeze: float) -> Array:
+    """Upright coordinates of points of an object that leans its top to the viewer and is then flattened along z."""
+    return rotate(unsqueeze(P, squeeze), 0, -degrees)
 
 
 def mirror(P: Array, axis: int) -> Array:
     """Points folded onto the positive side of one axis."""
     Q = P.copy()
-    Q[:, axis] = np.abs(P[:, axis])
+    Q[axis] = np.abs(P[axis])
     return Q
 
 
 def fold_angle(P: Array, count: int) -> Array:
     """Points turned about y into the one of `count` equal sectors that is centred on +z."""
     sector = 2 * np.pi / count
-    angle = np.arctan2(P[:, 0], P[:, 2])
+    angle, radius = np.arctan2(P[0], P[2]), np.hypot(P[0], P[2])
     angle = angle - sector * np.round(angle / sector)
-    radius = np.hypot(P[:, 0], P[:, 2])
-    return np.stack([radius * np.sin(angle), P[:, 1], radius * np.cos(angle)], axis=1)
+    return np.stack([radius * np.sin(angle), P[1], radius * np.cos(angle)])
 
 
 def sphere(P: Array, centre: Vector, radius: float) -> Array:
@@ -87,18 +95,20 @@ def sphere(P: Array, centre: Vector, radius: float) -> Array:
 
 
 def ellipsoid(P: Array, centre: Vector, radii: Vector) -> Array:
-    """Axis-aligned ellipsoid, first-order: the implicit value over its gradient, exact on the surface."""
+    """Axis-aligned ellipsoid: to first order exact at the surface, minus the smallest radius at the centre."""
     q, r = P - vector(centre, P), vector(radii, P)
-    k0, k1 = norm(q / r), norm(q / (r * r))
-    # At the centre both vanish: the limit is minus the smallest radius.
-    return np.where(k0 < 1e-3, -min(radii), k0 * (k0 - 1) / np.maximum(k1, 1e-6))
+    level, slope = norm(q / r), norm(q / (r * r))
+    length, least = level / np.maximum(slope, 1e-6), min(radii)
+    # `length` depends on the direction alone near the centre: weighted by level^2 it leaves no jump there.
+    return (level - 1) * (least + (length - least) * np.minimum(level * level, 1))
 
 
 def capsule(P: Array, a: Vector, b: Vector, ra: float, rb: float) -> Array:
     """Line from `a` to `b` thickened by a radius that goes linearly from `ra` to `rb`."""
     start, along = vector(a, P), vector(b, P) - vector(a, P)
-    t = np.clip((P - start) @ along / (along @ along), 0.0, 1.0)
-    return norm(P - start - t[:, None] * along) - (ra + (rb - ra) * t)
+    q = P - start
+    t = np.clip((along * q).sum(axis=0) / (along * along).sum(), 0.0, 1.0)
+    return norm(q - t * along) - (ra + (rb - ra) * t)
 
 
 def box2(u: Array, v: Array, half: tuple[float, float], rounding: float) -> Array:
@@ -111,20 +121,20 @@ def box2(u: Array, v: Array, half: tuple[float, float], rounding: float) -> Arra
 def box(P: Array, centre: Vector, half: Vector, rounding: float) -> Array:
     """Box of half sizes `half` with rounded edges."""
     q = np.abs(P - vector(centre, P)) - (vector(half, P) - rounding)
-    return norm(np.maximum(q, 0)) + np.minimum(q.max(axis=1), 0) - rounding
+    return norm(np.maximum(q, 0)) + np.minimum(q.max(axis=0), 0) - rounding
 
 
 def cylinder(P: Array, centre: Vector, radius: float, half_height: float, rounding: float) -> Array:
     """Upright cylinder (axis y) with rounded rims."""
     q = P - vector(centre, P)
-    return box2(np.hypot(q[:, 0], q[:, 2]), q[:, 1], (radius, half_height), rounding)
+    return box2(np.hypot(q[0], q[2]), q[1], (radius, half_height), rounding)
 
 
 def torus(P: Array, centre: Vector, axis: int, major: float, minor: float) -> Array:
     """Ring about the given coordinate axis."""
     q = P - vector(centre, P)
     i, j = (axis + 1) % 3, (axis + 2) % 3
-    return np.hypot(np.hypot(q[:, i], q[:, j]) - major, q[:, axis]) - minor
+    return np.hypot(np.hypot(q[i], q[j]) - major, q[axis]) - minor
 
 
 def extrude(section: Array, z: Array, half_depth: float, rounding: float) -> Array:
@@ -134,8 +144,8 @@ def extrude(section: Array, z: Array, half_depth: float, rounding: float) -> Arr
 
 
 def union(a: Array, b: Array, blend: float) -> Array:
-    """Both solids, joined by a fillet of about `blend` (cubic-free polynomial minimum)."""
-    h = np.clip(0.5 + 0.5 * (b - a) / blend, 0.0, 1.0)
+    """Both solids, joined by a fillet of about `blend` (quadratic smooth minimum)."""
+    h = np.clip(0.5 + (b - a) * (0.5 / blend), 0.0, 1.0)
     return b + (a - b) * h - blend * h * (1 - h)
 
 

@@ -1,5 +1,7 @@
 """Rubber star toy, flat and five-pointed, puffed up in the middle, with a painted face."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
@@ -14,25 +16,30 @@ BLACK, WHITE = texture.rgb(0.12, 0.07, 0.06), texture.rgb(1.0, 1.0, 0.97)
 ROSE, RUBBER = texture.rgb(0.96, 0.42, 0.36), texture.rgb(0.93, 0.56, 0.16)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
-    plate = extrude(_star(P), P[:, 2], 0.095, 0.09)
-    return union(plate, ellipsoid(P, (0, 0, 0), (0.30, 0.30, 0.145)), 0.05)
+    return _solid(P)
 
 
-@in_blocks
+@in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
     """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.mix(texture.rubber(P, RUBBER, 111), _paint(P), texture.skin(depth))
-    return shading.bake(distance, P, depth, body, gloss=0.50, sharpness=26)
+    body = texture.coat(P, texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=111), _paint)
+    return shading.bake(_solid, P, depth, body, gloss=0.50, sharpness=26)
+
+
+def _solid(P: Array) -> Array:
+    """Distance [N] of rows [3, N]."""
+    plate = extrude(_star(P), P[2], 0.095, 0.09)
+    return union(plate, ellipsoid(P, (0, 0, 0), (0.30, 0.30, 0.145)), 0.05)
 
 
 def _star(P: Array) -> Array:
     """Plane distance to a star with rounded points, one up."""
     sector = 2 * np.pi / 5
-    angle = np.arctan2(P[:, 0], P[:, 1])
-    angle, radius = np.abs(angle - sector * np.round(angle / sector)), np.hypot(P[:, 0], P[:, 1])
+    angle = np.arctan2(P[0], P[1])
+    angle, radius = np.abs(angle - sector * np.round(angle / sector)), np.hypot(P[0], P[1])
     u, v = radius * np.sin(angle), radius * np.cos(angle)
     ex, ey = NOTCH * np.sin(sector / 2), NOTCH * np.cos(sector / 2) - POINT
     t = np.clip((u * ex + (v - POINT) * ey) / (ex * ex + ey * ey), 0, 1)
@@ -42,19 +49,19 @@ def _star(P: Array) -> Array:
 
 def _paint(P: Array) -> Array:
     """Gold in the middle, red to the rim, speckled like a starfish, with a face."""
-    edge = -_star(P) / 0.24 + 0.16 * noise.fractal(P, 8, 112, octaves=4)
+    edge = -_star(P) / 0.24 + 0.24 * noise.fractal(P, 11, 112, octaves=4)
     paint = texture.ramp(edge, (0.05, 0.30, 0.75), (RED, ORANGE, GOLD))
     near, own = noise.cells(P, 13, 113)
-    paint = texture.mix(paint, np.where((own > 0.6)[:, None], GOLD, RED), 0.55 * smoothstep(0.30, 0.20, near) * (own > 0.3))
-    return _face(mirror(P, 0), paint * texture.mottle(P, 0.05, 114))
+    paint = texture.mix(paint, np.where((own > 0.6), GOLD, RED), 0.55 * smoothstep(0.30, 0.20, near) * (own > 0.3))
+    return _face(mirror(P, 0), paint * texture.mottle(P, 0.08, 114))
 
 
 def _face(Q: Array, paint: Array) -> Array:
     """Eyes with a glint, rosy cheeks and a smile."""
-    front = smoothstep(0.02, 0.05, Q[:, 2])
-    x, y = Q[:, 0], Q[:, 1]
+    front = smoothstep(0.02, 0.05, Q[2])
+    x, y = Q[0], Q[1]
     smile = smoothstep(0.017, 0.008, np.abs(np.hypot(x, y - 0.02) - 0.085)) * smoothstep(-0.02, -0.035, y)
     paint = texture.mix(paint, ROSE, 0.75 * front * texture.disc(x - 0.155, y + 0.035, (0.052, 0.040), 0.03))
     paint = texture.mix(paint, BLACK, front * smile)
-    paint = texture.mix(paint, BLACK, front * texture.disc(x - 0.095, y - 0.055, (0.036, 0.050)))
-    return texture.mix(paint, WHITE, front * texture.disc(x - 0.085, y - 0.075, (0.015, 0.017), 0.007))
+    paint = texture.mix(paint, BLACK, front * texture.disc(x - 0.095, y - 0.055, (0.042, 0.058)))
+    return texture.mix(paint, WHITE, front * texture.disc(x - 0.082, y - 0.078, (0.018, 0.021), 0.007))

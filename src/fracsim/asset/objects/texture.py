@@ -1,6 +1,6 @@
 """What the objects are made of, as colours of points: bread crumb, rubber, and the mottling all of them share."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,46 +10,55 @@ from fracsim.asset.objects import noise
 from fracsim.asset.objects.shapes import smoothstep
 
 Array = NDArray[np.floating[Any]]
+Paint = Callable[[Array], Array]
 
 
 def rgb(red: float, green: float, blue: float) -> NDArray[np.float32]:
-    """An sRGB colour [3]."""
-    return np.array([red, green, blue], np.float32)
+    """An sRGB colour as a column [3, 1]."""
+    return np.array([[red], [green], [blue]], np.float32)
 
 
 def mix(a: Array, b: Array, w: Array) -> Array:
-    """Colours `a` [N, 3] or [3] turned to `b` by weights [N]."""
-    out: Array = a + (b - a) * w[:, None]
+    """Colours `a` [3, N] or [3, 1] turned to `b` by weights [N]."""
+    out: Array = a + (b - a) * w
+    return out
+
+
+def coat(P: Array, weight: Array, inside: Paint, outside: Paint) -> Array:
+    """`inside(P)` turned to `outside(P)` by `weight` [N], each evaluated only where it shows."""
+    out = np.zeros((3, P.shape[1]), np.float32)
+    for paint, share in ((inside, 1 - weight), (outside, weight)):
+        at = np.flatnonzero(share > 0)
+        out[:, at] += paint(P[:, at]) * share[at]
     return out
 
 
 def ramp(x: Array, stops: Sequence[float], colours: Sequence[Array]) -> Array:
-    """Colours [N, 3] by linear interpolation of `colours` at `stops`."""
-    table = np.stack(colours)
-    return np.stack([np.interp(x, stops, table[:, c]) for c in range(3)], axis=1).astype(np.float32)
+    """Colours [3, N] by linear interpolation of `colours` at `stops`."""
+    table = np.concatenate(colours, axis=1)
+    return np.stack([np.interp(x, stops, channel) for channel in table]).astype(np.float32)
 
 
 def mottle(P: Array, strength: float, seed: int) -> Array:
-    """A factor [N, 1] about 1 that varies at lengths of 1/14, 1/34 and 1/80."""
+    """A factor [N] about 1 that varies at lengths of 1/14, 1/34 and 1/80."""
     spots = noise.value(P, 14, seed) + noise.value(P, 34, seed + 1) + 0.7 * noise.value(P, 80, seed + 2)
-    return (1 + strength * spots)[:, None]
+    return 1 + strength * spots
 
 
 def crumb(P: Array, pale: Array, pore: Array, seed: int, size: float = 1.0) -> Array:
-    """Baked dough [N, 3]: `pale` walls around pores of two sizes, the larger about 0.04 `size` across."""
+    """Baked dough [3, N]: `pale` walls around pores of two sizes, the larger about 0.04 `size` across."""
     large, own = noise.cells(P, 17 / size, seed)
-    small, _ = noise.cells(P, 42 / size, seed + 1)
     radius = 0.20 + 0.28 * own
     ragged = large / radius + 0.35 * noise.value(P, 30 / size, seed + 2)
-    hole = np.maximum(1 - smoothstep(0.5, 1.2, ragged), 0.6 * (1 - smoothstep(0.15, 0.45, small)))
+    hole = np.maximum(1 - smoothstep(0.5, 1.2, ragged), 0.6 * smoothstep(0.15, 0.6, noise.value(P, 60 / size, seed + 1)))
     return mix(pale, pore, hole.astype(np.float32)) * mottle(P, 0.04, seed + 3)
 
 
 def rubber(P: Array, body: Array, seed: int) -> Array:
-    """Plain body-coloured rubber [N, 3] with faint clouds and fine filler grains."""
+    """Plain body-coloured rubber [3, N] with faint clouds and fine filler grains."""
     near, own = noise.cells(P, 40, seed)
     grain = (1 - smoothstep(0.15, 0.35, near)) * (own - 0.5)
-    return body * (mottle(P, 0.05, seed + 3) + 0.35 * grain[:, None])
+    return body * (mottle(P, 0.05, seed + 3) + 0.35 * grain)
 
 
 def skin(depth: Array, low: float = 0.016, high: float = 0.026) -> Array:

@@ -1,43 +1,50 @@
 """Rubber whale in profile, facing left: blue back, pale grooved belly, raised flukes, a spout."""
 
+from functools import partial
+
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
 from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, union
 
-BOUNDS = ((-0.53, -0.47, -0.32), (0.60, 0.53, 0.32))
+BOUNDS = ((-0.52, -0.48, -0.34), (0.59, 0.50, 0.34))
 CLASS = "high_stretch"
 
 BLUE, DEEP = texture.rgb(0.20, 0.52, 0.82), texture.rgb(0.09, 0.32, 0.62)
-PALE, GROOVE = texture.rgb(0.93, 0.96, 0.97), texture.rgb(0.62, 0.74, 0.84)
+PALE, GROOVE = texture.rgb(1.0, 0.99, 0.95), texture.rgb(0.66, 0.78, 0.88)
 WATER, BLUSH = texture.rgb(0.55, 0.83, 0.96), texture.rgb(0.95, 0.60, 0.62)
 BLACK, WHITE = texture.rgb(0.06, 0.07, 0.12), texture.rgb(1.0, 1.0, 0.98)
 RUBBER = texture.rgb(0.28, 0.52, 0.74)
 EYE = (-0.265, -0.055)
 
 
-@in_blocks
+@in_blocks()
 def distance(P: Array) -> Array:
     """Signed distance [N] of points [N, 3], negative inside."""
+    return _solid(P)
+
+
+@in_blocks(np.float32)
+def colour(P: Array, depth: Array) -> Array:
+    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
+    body = texture.coat(mirror(P, 2), texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=121), _paint)
+    return shading.bake(_solid, P, depth, body, gloss=0.55, sharpness=28)
+
+
+def _solid(P: Array) -> Array:
+    """Distance [N] of rows [3, N]."""
     Q = mirror(P, 2)
-    body = union(ellipsoid(Q, (-0.10, -0.12, 0), (0.41, 0.315, 0.28)), _tail(Q), 0.10)
+    body = union(ellipsoid(Q, (-0.06, -0.12, 0), (0.43, 0.335, 0.27)), _tail(Q), 0.10)
     body = union(body, _flipper(Q), 0.02)
     return union(body, _spout(Q), 0.03)
 
 
-@in_blocks
-def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.mix(texture.rubber(P, RUBBER, 121), _paint(mirror(P, 2)), texture.skin(depth))
-    return shading.bake(distance, P, depth, body, gloss=0.55, sharpness=28)
-
-
 def _tail(Q: Array) -> Array:
     """Tail that sweeps up to two flukes in the picture plane."""
-    root = capsule(Q, (0.16, -0.14, 0), (0.40, 0.04, 0), 0.20, 0.095)
-    tail = union(root, capsule(Q, (0.40, 0.04, 0), (0.44, 0.24, 0), 0.095, 0.065), 0.08)
-    left = capsule(Q, (0.43, 0.24, 0), (0.31, 0.39, 0), 0.075, 0.045)
-    right = capsule(Q, (0.43, 0.24, 0), (0.55, 0.36, 0), 0.075, 0.040)
+    root = capsule(Q, (0.18, -0.14, 0), (0.40, 0.04, 0), 0.20, 0.10)
+    tail = union(root, capsule(Q, (0.40, 0.04, 0), (0.425, 0.24, 0), 0.10, 0.07), 0.08)
+    left = capsule(Q, (0.42, 0.24, 0), (0.30, 0.39, 0), 0.08, 0.048)
+    right = capsule(Q, (0.42, 0.24, 0), (0.52, 0.38, 0), 0.08, 0.045)
     return union(tail, np.minimum(left, right), 0.04)
 
 
@@ -56,7 +63,7 @@ def _spout(Q: Array) -> Array:
 
 def _paint(Q: Array) -> Array:
     """Blue back with light spots, grooved belly, mouth, cheek, eye and water."""
-    x, y = Q[:, 0], Q[:, 1]
+    x, y = Q[0], Q[1]
     cloud = noise.fractal(Q, 8, 122, octaves=4)
     paint = texture.mix(BLUE, DEEP, np.clip(0.35 + 0.5 * cloud + 0.8 * smoothstep(0.0, 0.25, y), 0, 1))
     near, own = noise.cells(Q, 12, 123)
@@ -64,20 +71,19 @@ def _paint(Q: Array) -> Array:
     waterline = y + 0.185 - 0.55 * smoothstep(0.05, 0.5, x) * (x + 0.1) + 0.006 * cloud
     groove = 0.7 * smoothstep(0.45, 0.9, np.sin(2 * np.pi * (waterline / 0.052 + 0.25)))
     paint = texture.mix(paint, texture.mix(PALE, GROOVE, groove), smoothstep(0.004, -0.008, waterline))
-    paint = paint * texture.mottle(Q, 0.05, 124)
-    paint = texture.mix(paint, BLUE * texture.mottle(Q, 0.07, 125), smoothstep(0.012, 0.0, _flipper(Q)))
-    paint = texture.mix(paint, WATER * texture.mottle(Q, 0.07, 126), smoothstep(0.015, 0.0, _spout(Q)))
-    return _face(Q, paint)
+    paint = texture.mix(paint, BLUE, smoothstep(0.012, 0.0, _flipper(Q)))
+    paint = texture.mix(paint, WATER, smoothstep(0.015, 0.0, _spout(Q)))
+    return _face(Q, paint * texture.mottle(Q, 0.08, 124))
 
 
 def _face(Q: Array, paint: Array) -> Array:
     """Smile, cheek, and an eye with a glint."""
-    side = smoothstep(0.03, 0.06, Q[:, 2])
-    x, y = Q[:, 0], Q[:, 1]
+    side = smoothstep(0.03, 0.06, Q[2])
+    x, y = Q[0], Q[1]
     smile = smoothstep(0.015, 0.007, np.abs(np.hypot(x + 0.36, y + 0.02) - 0.15)) * (y < -0.10) * (x < -0.24)
     paint = texture.mix(paint, BLACK, smile * side)
     paint = texture.mix(paint, BLUSH, 0.65 * side * texture.disc(x + 0.20, y + 0.13, (0.05, 0.036), 0.03))
     u, v = x - EYE[0], y - EYE[1]
-    paint = texture.mix(paint, WHITE, side * texture.disc(u, v, (0.055, 0.064)))
-    paint = texture.mix(paint, BLACK, side * texture.disc(u + 0.008, v, (0.040, 0.050)))
-    return texture.mix(paint, WHITE, side * texture.disc(u + 0.018, v - 0.020, (0.015, 0.017), 0.007))
+    paint = texture.mix(paint, WHITE, side * texture.disc(u, v, (0.062, 0.072)))
+    paint = texture.mix(paint, BLACK, side * texture.disc(u + 0.008, v, (0.046, 0.057)))
+    return texture.mix(paint, WHITE, side * texture.disc(u + 0.020, v - 0.023, (0.018, 0.020), 0.007))

@@ -1,0 +1,28 @@
+"""From an asset's description to particles, prepared once and then read from the cache."""
+
+from importlib import import_module
+
+from fracsim.asset import cache, limits
+from fracsim.records import Particles
+from fracsim.vocab import Asset
+
+MODULES = {"builtin": "fracsim.asset.builtin", "mesh": "fracsim.asset.mesh", "ply": "fracsim.asset.splat"}
+"""The module of each asset.kind; its `prepare(asset, spacing, seed)` makes the particles."""
+
+
+def build(asset: Asset, spacing: float, seed: int) -> Particles:
+    """Particles of an object at a distance of `spacing` [m], its largest extent asset.size, its box centred at CENTRE.
+
+    y is up, as in glTF; an OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0]. `seed` is for the grain
+    inside meshes and splats. Raises ValueError naming the field, the value and the way out for an object that cannot
+    be used or needs more than asset.max_particles.
+    """
+    limits.check(asset, spacing)
+    key = cache.key(asset, spacing, seed)
+    particles = cache.load(key)
+    if particles is None:
+        particles = import_module(MODULES[asset.kind]).prepare(asset, spacing, seed)
+        limits.count(asset, spacing, len(particles))
+        cache.store(key, particles)
+    limits.count(asset, spacing, len(particles))
+    return particles

@@ -1,0 +1,109 @@
+"""Prepared objects on disk: an object is filled once and shared by all runs that ask for the same one.
+
+The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of everything
+the particles follow from, the sources of this package included; files need no upkeep and may be deleted at any time.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import uuid
+import warnings
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from fracsim.records import Particles
+from fracsim.vocab import Asset
+
+USED = {
+    "builtin": ("kind", "name", "size", "rotate_deg"),
+    "mesh": ("kind", "size", "rotate_deg", "interior"),
+    "ply": ("kind", "size", "rotate_deg", "interior", "opacity_threshold"),
+}
+"""The fields of Asset that the particles of each kind follow from, beside the contents of asset.path."""
+
+
+def folder() -> Path:
+    """Where prepared objects are kept."""
+    given = os.environ.get("FRACSIM_CACHE")
+    if given:
+        return Path(given).expanduser()
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fracsim"
+
+
+def key(asset: Asset, spacing: float, seed: int) -> str:
+    """The hash, sha256 in hex, of what the particles of an object follow from; a built-in object does not use `seed`."""
+    told = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing)}
+    if asset.kind != "builtin":
+        told["seed"] = seed
+    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    files = sorted(Path(__file__).parent.rglob("*.py"))
+    if asset.kind != "builtin":
+        files += parts(Path(asset.path))
+    for file in files:
+        with file.open("rb") as stream:
+            content = hashlib.sha256()
+            while block := stream.read(1 << 22):
+                content.update(block)
+        digest.update(content.digest())
+    return digest.hexdigest()
+
+
+def parts(path: Path) -> list[Path]:
+    """A mesh file and the files it names that are there: buffers and textures of glTF, materials and maps of OBJ."""
+    found, todo = [], [path]
+    while todo:
+        file = todo.pop()
+        if file not in found and file.is_file():
+            found.append(file)
+            todo += [file.parent / name for name in _named(file)]
+    return [path, *sorted(found[1:])]
+
+
+def _named(file: Path) -> list[str]:
+    """File names in a glTF, OBJ or MTL file."""
+    kind = file.suffix.lower()
+    if kind == ".gltf":
+        with contextlib.suppress(ValueError, AttributeError):
+            document = json.loads(file.read_text(encoding="utf-8"))
+            items = [*document.get("buffers", []), *document.get("images", [])]
+            return [unquote(i["uri"]) for i in items if not i.get("uri", "data:").startswith("data:")]
+    if kind in (".obj", ".mtl"):
+        lines = (line.strip().partition(" ") for line in file.read_text(errors="replace").splitlines())
+        named = [rest.strip() for word, _, rest in lines if word == "mtllib" or word.lower().startswith("map_")]
+        # A map may have options before its name.
+        return [name for rest in named for name in (rest, rest.split()[-1] if rest else "")]
+    return []
+
+
+def load(name: str) -> Particles | None:
+    """The particles stored under a key; None when they are not there, or not whole."""
+    try:
+        with np.load(folder() / f"{name}.npz", allow_pickle=False) as file:
+            values = {f.name: file[f.name] for f in fields(Particles)}
+        values["spacing"] = float(values["spacing"])
+        values["notes"] = tuple(str(note) for note in values["notes"])
+        return Particles(**values)
+    except (OSError, ValueError, KeyError, EOFError, AssertionError, zipfile.BadZipFile):
+        return None
+
+
+def store(name: str, particles: Particles) -> None:
+    """Keeps particles under a key: written beside and renamed, so that a reader never meets half a file."""
+    target = folder() / f"{name}.npz"
+    half = target.with_name(f".{name}.{os.getpid()}.{uuid.uuid4().hex}.npz")
+    values = {f.name: getattr(particles, f.name) for f in fields(Particles)}
+    values["notes"] = np.array(particles.notes, dtype=np.str_)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(half, **values)
+        half.replace(target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            half.unlink(missing_ok=True)
+        warnings.warn(f"The prepared object cannot be kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2)

@@ -1,0 +1,157 @@
+"""Triangles with colours, whatever file they came from: OBJ, GLB, glTF, PLY or STL, read by trimesh.
+
+Colour is kept at the corners of each triangle (texture coordinates, vertex or face colours, material factors), so
+nothing is lost where vertices are shared, and several materials in a scene are as good as one.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fracsim.records import Array
+
+MOST_TRIANGLES = 5_000_000
+GREY = 0.6
+"""Colour, sRGB, of what has none."""
+SHARP = 0.7  # cosine between a face and its vertex normal below which the edge counts as sharp
+
+
+@dataclass(frozen=True)
+class Surface:
+    """T coloured triangles; corner c of triangle t is [t, c]."""
+
+    corners: Array
+    """Positions, (T, 3, 3)."""
+    normals: Array
+    """Shading normals at the corners, unit, outward as far as the file is, (T, 3, 3)."""
+    rgb: Array
+    """Colours at the corners, sRGB in [0, 1]; they multiply the texture, (T, 3, 3)."""
+    uv: Array
+    """Texture coordinates at the corners, origin below left, (T, 3, 2)."""
+    texture: Array
+    """Index into `images`, -1 without, (T,)."""
+    images: tuple[Array, ...]
+    """Textures, rows from the top, (H, W, 3) uint8, sRGB."""
+    notes: tuple[str, ...] = ()
+    """What a user should know about the file."""
+
+
+def read(path: str) -> Surface:
+    """The triangles of a mesh file; raises ValueError naming asset.path for whatever cannot be used."""
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        parts = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
+    except Exception as error:  # trimesh lets many kinds through, one a format
+        raise ValueError(
+            f"asset.path={path} cannot be read as a mesh: {error or type(error).__name__}. Export it again, best as GLB."
+        ) from error
+    if not parts:
+        raise ValueError(
+            f"asset.path={path} has no triangles: give a surface mesh; a trained 3DGS file needs asset.kind=ply."
+        )
+    _check_parts(path, parts)
+    return _joined(parts)
+
+
+def _check_parts(path: str, parts: list[Any]) -> None:
+    """Raises ValueError for too many triangles and for coordinates that are not finite."""
+    total = sum(len(p.faces) for p in parts)
+    if total > MOST_TRIANGLES:
+        raise ValueError(
+            f"asset.path={path} has {total} triangles, at most {MOST_TRIANGLES} are allowed: decimate the mesh."
+        )
+    bad = sum(int((~np.isfinite(p.vertices[np.unique(p.faces)])).any(axis=1).sum()) for p in parts)
+    if bad:
+        raise ValueError(
+            f"asset.path={path} has {bad} vertices with coordinates that are not finite (NaN or infinite): "
+            "repair the mesh in the program that wrote it."
+        )
+
+
+def _joined(parts: list[Any]) -> Surface:
+    """One surface of all geometries of a scene."""
+    corners, normals, rgb, uv, texture, images = [], [], [], [], [], []
+    plain = 0
+    for part in parts:
+        corners.append(part.vertices[part.faces])
+        normals.append(_corner_normals(part))
+        c, t, index, pictures, coloured = _colours(part)
+        rgb.append(c)
+        uv.append(t)
+        texture.append(np.where(index >= 0, index + len(images), -1))
+        images.extend(pictures)
+        plain += 0 if coloured else len(part.faces)
+    notes = (f"{plain} triangles have no colour and are grey.",) if plain else ()
+    joined = (np.concatenate(a) for a in (corners, normals, rgb, uv, texture))
+    return Surface(*joined, tuple(images), notes)
+
+
+def _corner_normals(part: Any) -> Array:
+    """Vertex normals at the corners; the face's own where they differ much, as on the sharp edges of a box."""
+    vertex, face = part.vertex_normals[part.faces], _face_normals(part)
+    sharp = np.einsum("tcj,tj->tc", vertex, face) < SHARP
+    out: Array = np.where(sharp[..., None], face[:, None, :], vertex)
+    return out
+
+
+def _face_normals(part: Any) -> Array:
+    """Unit normals (T, 3), zero for triangles without area."""
+    a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
+    cross = np.cross(b - a, c - a)
+    out: Array = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
+    return out
+
+
+def _colours(part: Any) -> tuple[Array, Array, Array, list[Array], bool]:
+    """Corner colours, corner uv, texture index, textures of a geometry, and whether it had any colour."""
+    n, visual = len(part.faces), part.visual
+    rgb, uv, index = np.ones((n, 3, 3)), np.zeros((n, 3, 2)), np.full(n, -1)
+    if visual.kind in ("vertex", "face"):
+        picked = visual.vertex_colors[part.faces] if visual.kind == "vertex" else visual.face_colors[:, None]
+        return rgb * _unit(picked)[..., :3], uv, index, [], True
+    if visual.kind != "texture":
+        return GREY * rgb, uv, index, [], False
+    images: list[Array] = []
+    materials = getattr(visual.material, "materials", None) or [visual.material]
+    of_face = getattr(visual, "face_materials", None)
+    of_face = np.zeros(n, int) if of_face is None or len(of_face) != n else np.asarray(of_face)
+    coloured = False
+    for k, material in enumerate(materials):
+        mine = of_face == k
+        factor, image = _material(material)
+        if image is not None and visual.uv is not None:
+            index[mine] = len(images)
+            images.append(image)
+        coloured |= factor is not None or image is not None
+        rgb[mine] *= GREY if factor is None and image is None else 1.0 if factor is None else factor
+    if visual.uv is not None and len(visual.uv) == len(part.vertices):
+        uv = np.asarray(visual.uv, float)[part.faces]
+    vertex = visual.vertex_attributes.get("color") if visual.vertex_attributes else None
+    if vertex is not None and len(vertex) == len(part.vertices):
+        rgb, coloured = rgb * _unit(vertex)[part.faces][..., :3], True
+    return rgb, uv, index, images, coloured
+
+
+def _material(material: Any) -> tuple[Array | None, Array | None]:
+    """Colour factor (3,) as sRGB and texture (H, W, 3) of a material, None where it has none."""
+    if hasattr(material, "baseColorFactor"):  # physically based: factors are linear (glTF 2.0, 3.9.2)
+        factor, image = material.baseColorFactor, material.baseColorTexture
+        factor = None if factor is None else _srgb(_unit(factor)[:3])
+    else:  # an OBJ file's Kd is a display colour, and viewers take a map in its place
+        factor, image = getattr(material, "diffuse", None), getattr(material, "image", None)
+        factor = None if factor is None or image is not None else _unit(factor)[:3]
+    return factor, None if image is None else np.asarray(image.convert("RGB"))
+
+
+def _unit(values: Any) -> Array:
+    """Colour values in [0, 1] from integers of any width, or from numbers that are so already."""
+    values = np.asarray(values)
+    return values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
+
+
+def _srgb(linear: Array) -> Array:
+    """Display values of linear intensities (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)

@@ -1,0 +1,196 @@
+"""Reads a sample folder; arrays come in physical units and are decoded when they are asked for."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fracsim.records import Array
+from fracsim.sample import schema
+from fracsim.sample.folder import lacking
+from fracsim.sample.quantise import LEVELS, dequantise
+from fracsim.sample.video import count, decode
+from fracsim.vocab import Scene
+
+
+class Tracks(NamedTuple):
+    """Projected paths of M particles over T frames."""
+
+    xy: Array
+    """Pixel positions, x right and y down from the top left corner [px], (T, M, 2) float32."""
+    visible: Array
+    """Whether the particle is seen, (T, M) bool."""
+    particles: Array
+    """Indices of the particles, (M,) int64."""
+
+
+class Maps(Mapping[str, Array]):
+    """Recorded maps by name, each [T, H, W, C] float32 in physical units, decoded at first use."""
+
+    def __init__(self, names: Sequence[str], load: Callable[[str], Array]) -> None:
+        self._names, self._load = tuple(names), load
+        self._decoded: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._names:
+            raise KeyError(f"map {name} was not recorded; there are: {', '.join(self._names) or 'none'}")
+        if name not in self._decoded:
+            self._decoded[name] = self._load(name)
+        return self._decoded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample on disk; T = `frames`. Arrays that were not recorded, or whose file is damaged, raise ValueError."""
+
+    path: Path
+    meta: dict[str, Any]
+    """What meta.json says: id, view, units and ranges of the maps, provenance, report."""
+    frames: int
+    """Frames that can be read; of an incomplete sample, those that are whole in every file."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether the sample has all that its scene asks for."""
+        return bool(self.meta["complete"])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The resolved scene."""
+        return schema.load_scene(self.path / schema.SCENE)
+
+    @cached_property
+    def rgb(self) -> Array:
+        """Colour, [T, H, W, 3] uint8."""
+        if not self.meta["rgb"]:
+            raise ValueError(f"{self.path} has no colour: it was made with capture.rgb=false.")
+        return self._decode(schema.RGB, "rgb")
+
+    @cached_property
+    def alpha(self) -> Array:
+        """How much of each pixel the object covers, in [0, 1], [T, H, W] float32."""
+        return self._decode(schema.ALPHA, "gray16") / np.float32(LEVELS)
+
+    @cached_property
+    def maps(self) -> Maps:
+        """Physics maps in physical units, [T, H, W, C] float32 each; exactly 0 where there is no object.
+
+        A pixel holds the quantity times its coverage: divide by `alpha` for the quantity itself.
+        """
+        return Maps(tuple(self.meta["maps"]), self._map)
+
+    @cached_property
+    def tracks(self) -> Tracks:
+        """Paths of the tracked particles."""
+        with self._arrays(schema.TRACKS) as arrays:
+            return Tracks(arrays["xy"][: self.frames], arrays["visible"][: self.frames], arrays["particles"])
+
+    @cached_property
+    def history(self) -> dict[str, Array]:
+        """The curves of report.png by name, 1-D arrays."""
+        with self._arrays(schema.HISTORY) as arrays:
+            return dict(arrays)
+
+    def _map(self, name: str) -> Array:
+        channels, ranges = self.meta["maps"][name]["channels"], self.meta["ranges"][name]
+        codes = self._decode(schema.map_file(name), "gray16", channels)
+        planes = codes.reshape(len(codes), channels, -1, codes.shape[-1])
+        values = np.empty((len(codes), *planes.shape[2:], channels), np.float32)
+        for k, c in np.ndindex(len(codes), channels):
+            values[k, ..., c] = dequantise(planes[k, c], *ranges[k][c])
+        return values
+
+    def _decode(self, name: str, codec: str, stacked: int = 1) -> Array:
+        width, height = self.meta["size"]
+        frames = decode(self._file(name), width, height * stacked, codec, self.frames)
+        if len(frames) < self.frames:
+            raise ValueError(f"{self.path / name} is damaged: {len(frames)} of its {self.frames} frames can be decoded. "
+                             "Make the sample again, or read it with allow_incomplete=True.")  # fmt: skip
+        return frames
+
+    def _arrays(self, name: str) -> Any:
+        try:
+            return np.load(self._file(name))
+        except (OSError, EOFError, ValueError) as error:
+            raise ValueError(f"{self.path / name} cannot be read: {error}") from None
+
+    def _file(self, name: str) -> Path:
+        if not (self.path / name).is_file():
+            raise ValueError(f"{self.path} has no {name}: its scene did not ask for it, or the file is lost.")
+        return self.path / name
+
+
+def read(path: Path | str, allow_incomplete: bool = False) -> Sample:
+    """Open the sample in the folder `path`; with `allow_incomplete` also one that was never finished, or has lost files.
+
+    Raises ValueError when it is no sample, of another schema version, incomplete, or misses files.
+    """
+    folder = Path(path).expanduser()
+    meta = schema.read_meta(folder)
+    if not meta["complete"] and not allow_incomplete:
+        raise ValueError(f"{folder} is incomplete ({meta['reason']}): make it again, or read what is there with "
+                         "allow_incomplete=True.")  # fmt: skip
+    lost = lacking(folder, meta)
+    if lost and not allow_incomplete:
+        raise ValueError(f"{folder} is damaged: {', '.join(lost)} missing or cut short. Make the sample again, "
+                         "or read what is there with allow_incomplete=True.")  # fmt: skip
+    if meta["complete"] and not lost:
+        return Sample(folder, meta, meta["frames"])
+    if (folder / schema.JOURNAL).is_file():
+        _recover(folder, meta)
+    return Sample(folder, meta, _readable(folder, meta))
+
+
+def verify(path: Path | str) -> list[str]:
+    """What is wrong with a sample, a sentence each; empty when every file is as it was written.
+
+    Hashes all files again, and the scene against the id.
+    """
+    folder = Path(path).expanduser()
+    try:
+        meta = schema.read_meta(folder)
+        problems = [] if meta["complete"] else [f"incomplete: {meta['reason']}"]
+        if schema.sample_id(schema.load_scene(folder / schema.SCENE), meta["asset_sha256"]) != meta["id"]:
+            problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
+        return problems + _differences(meta["files"], schema.inventory(folder))
+    except (ValueError, OSError) as error:
+        return [str(error)]
+    except (KeyError, TypeError) as error:
+        return [f"{schema.META} lacks {error}"]
+
+
+def _differences(written: Mapping[str, Any], there: Mapping[str, Any]) -> list[str]:
+    """Files lost, added or changed."""
+    lost = [f"{name} is missing" for name in written if name not in there]
+    added = [f"{name} is not part of the sample" for name in there if name not in written]
+    changed = [f"{name} has changed" for name in written if name in there and written[name] != there[name]]
+    return lost + added + changed
+
+
+def _recover(folder: Path, meta: dict[str, Any]) -> None:
+    """Fill in the frames of an unfinished sample from its journal; its last line may be cut off."""
+    lines = []
+    for line in (folder / schema.JOURNAL).read_text(encoding="utf-8").splitlines():
+        try:
+            lines.append(json.loads(line))
+        except ValueError:
+            break
+    meta["frames"] = len(lines)
+    meta["ranges"] = {name: [line[name] for line in lines] for name in meta["maps"]}
+
+
+def _readable(folder: Path, meta: dict[str, Any]) -> int:
+    """Frames that are whole in every video of a damaged or unfinished sample."""
+    videos = [schema.RGB] * meta["rgb"] + [schema.map_file(name) for name in meta["maps"]]
+    videos += [schema.ALPHA] if videos else []
+    return min([meta["frames"], *(count(folder / name) for name in videos)])

@@ -1,0 +1,81 @@
+"""The camera's conventions, by points whose place in the picture is known."""
+
+import numpy as np
+import pytest
+
+from fracsim.render.camera import View, framing, look_at, project
+
+CENTRE = np.array([1.0, 1.0, 1.0])
+
+
+def middle_to(view, offset):
+    """How far in the picture [px] a point at CENTRE + offset lies from CENTRE."""
+    xy, _ = project(view, CENTRE + np.array([[0, 0, 0], offset]))
+    return xy[1] - xy[0]
+
+
+def test_default_front_view_looks_along_minus_z_with_y_up():
+    view = framing(CENTRE, 0.3, 0.3, 40, 0, 0, 512, 512)
+    xy, depth = project(view, CENTRE[None])
+    np.testing.assert_allclose(xy, [[256, 256]], atol=1e-9)
+    np.testing.assert_allclose(view.eye, CENTRE + [0, 0, depth[0]], atol=1e-12)
+    right, up = middle_to(view, [0.1, 0, 0]), middle_to(view, [0, 0.1, 0])
+    assert right[0] > 0
+    assert up[1] < 0  # rows count downwards
+    np.testing.assert_allclose([right[1], up[0]], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "towards_eye"),
+    [(90, 0, [1, 0, 0]), (-90, 0, [-1, 0, 0]), (180, 0, [0, 0, -1]), (0, 90, [0, 1, 0]), (0, -90, [0, -1, 0])],
+)
+def test_orbit_angles_move_the_eye(azimuth, elevation, towards_eye):
+    """Azimuth counter-clockwise seen from above (from +z to +x), elevation upwards; straight above works too."""
+    view = framing(CENTRE, 0.3, 0.3, 40, azimuth, elevation, 512, 512)
+    direction = view.eye - CENTRE
+    np.testing.assert_allclose(direction / np.linalg.norm(direction), towards_eye, atol=1e-12)
+
+
+@pytest.mark.parametrize(("half_width", "half_height"), [(0.6, 0.2), (0.2, 0.6)])
+@pytest.mark.parametrize(("width", "height"), [(512, 256), (256, 512)])
+def test_framing_just_holds_the_rectangle(half_width, half_height, width, height):
+    view = framing(CENTRE, half_width, half_height, 35, 30, 20, width, height)
+    right, down = view.rotation[0], view.rotation[1]
+    corners = CENTRE + np.array([a * half_width * right + b * half_height * down for a in (-1, 1) for b in (-1, 1)])
+    xy, _ = project(view, corners)
+    reach = np.abs(xy - [width / 2, height / 2]).max(axis=0) / [width / 2, height / 2]
+    np.testing.assert_allclose(reach.max(), 1, atol=1e-9)  # one side touches the border, the other lies inside
+
+
+def test_field_of_view_is_vertical():
+    view = framing(CENTRE, 0.3, 0.3, 90, 0, 0, 512, 256)
+    np.testing.assert_allclose((view.fx, view.fy), 128)  # 45 degrees from the middle to the upper border
+
+
+def test_explicit_matrix_gives_the_eye_and_rejects_what_is_not_rigid():
+    view = look_at(np.array([3.0, 2, 1]), CENTRE, np.array([0.0, 0, 1]), 300, 310, 100, 90, 208, 192)
+    again = View(view.world_to_camera, 300, 310, 100, 90, 208, 192)
+    np.testing.assert_allclose(again.eye, [3, 2, 1], atol=1e-12)
+    for bad in (2 * np.eye(4), np.diag([1.0, 1, -1, 1]), np.eye(3), np.full((4, 4), np.nan)):
+        with pytest.raises(ValueError, match=r"camera\.matrix"):
+            View(bad, 300, 310, 100, 90, 208, 192)
+
+
+@pytest.mark.parametrize("name", ["width", "height"])
+@pytest.mark.parametrize("size", [500, 0, -16])
+def test_sizes_are_whole_tiles(name, size):
+    sizes = {"width": 512, "height": 512, name: size}
+    with pytest.raises(ValueError, match=rf"camera\.{name}={size} .*multiple of 16"):
+        View(np.eye(4), 500, 500, 256, 256, **sizes)
+
+
+def test_look_at_needs_an_up_across_the_line_of_sight():
+    with pytest.raises(ValueError, match="camera: from eye"):
+        look_at(CENTRE + [0, 1, 0], CENTRE, np.array([0.0, 1, 0]), 500, 500, 256, 256, 512, 512)
+
+
+def test_points_behind_the_camera_have_no_image():
+    view = framing(CENTRE, 0.3, 0.3, 40, 0, 0, 512, 512)
+    xy, depth = project(view, (view.eye + [0, 0, 1])[None])
+    assert np.isnan(xy).all()
+    assert depth[0] < 0
