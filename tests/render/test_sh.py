@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from reference import splat_numpy as oracle
 
 from fracsim.render.camera import framing
 from fracsim.render.sh import colour
 from fracsim.render.splat import colours
+from tests.reference import splat_numpy as oracle
 
 
 def directions(n, seed):

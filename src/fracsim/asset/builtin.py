@@ -10,6 +10,9 @@ from fracsim.asset import fill, gaussians, implicit, limits, place
 from fracsim.records import Array, Particles
 from fracsim.vocab import Asset
 
+DIFFERENCE = 0.2
+"""Half width of the difference quotients, in spacings."""
+
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles of the built-in object asset.name; `seed` has no part in it."""
@@ -27,17 +30,21 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
         return d
 
     limits.estimate(asset, spacing, *implicit.measure(field, lo, hi), (lo, hi))
-    filling = fill.fill(implicit.Implicit(field, lo, hi, 0.2 * spacing), spacing)
-    P = placement.to_object(gaussians.painted_points(filling, spacing)).astype(np.float32)
-    depth = (gaussians.painted_depth(filling, spacing) / placement.scale).astype(np.float32)
-    rgb = np.clip(module.colour(P, depth), 0.0, 1.0)
-    return gaussians.particles(filling, rgb, spacing, limits.remarks(filling))
+    filling = fill.fill(implicit.Implicit(field, lo, hi, DIFFERENCE * spacing), spacing)
+    P, depth = gaussians.lifted(filling, spacing)
+    P, depth = placement.to_object(P).astype(np.float32), (depth / placement.scale).astype(np.float32)
+    return gaussians.particles(filling, np.clip(module.colour(P, depth), 0.0, 1.0), spacing)
 
 
 def _placed(module: ModuleType, asset: Asset, R: Array) -> tuple[place.Placement, Array, Array]:
     """Where the object stands, and its bounding box in the world."""
     corners = np.array(list(itertools.product(*zip(*module.BOUNDS, strict=True)))) @ R.T
-    lo, hi = implicit.tight_box(lambda q: module.distance((q @ R).astype(np.float32)), corners.min(0), corners.max(0))
+
+    def turned(P: Array) -> Array:
+        d: Array = module.distance((P @ R).astype(np.float32))
+        return d
+
+    lo, hi = implicit.tight_box(turned, corners.min(axis=0), corners.max(axis=0))
     placement = place.fit(asset, lo, hi)
     half = placement.scale * (hi - lo) / 2
-    return placement, place.CENTRE - half, place.CENTRE + half
+    return placement, place.HOME - half, place.HOME + half

@@ -1,7 +1,7 @@
 """Prepared objects on disk: an object is filled once and shared by all runs that ask for the same one.
 
-The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of everything
-the particles follow from, the sources of this package included; files need no upkeep and may be deleted at any time.
+The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of all that
+the particles follow from, the sources of this package included; the files may be deleted at any time.
 """
 
 import contextlib
@@ -37,7 +37,7 @@ def folder() -> Path:
 
 
 def key(asset: Asset, spacing: float, seed: int) -> str:
-    """The hash, sha256 in hex, of what the particles of an object follow from; a built-in object does not use `seed`."""
+    """The sha256 in hex of what the particles of an object follow from; a built-in object does not use `seed`."""
     told = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing)}
     if asset.kind != "builtin":
         told["seed"] = seed
@@ -55,7 +55,7 @@ def key(asset: Asset, spacing: float, seed: int) -> str:
 
 
 def parts(path: Path) -> list[Path]:
-    """A mesh file and the files it names that are there: buffers and textures of glTF, materials and maps of OBJ."""
+    """A mesh file and those it names that are there: buffers and textures of glTF, materials and maps of OBJ."""
     found, todo = [], [path]
     while todo:
         file = todo.pop()
@@ -75,7 +75,7 @@ def _named(file: Path) -> list[str]:
             return [unquote(i["uri"]) for i in items if not i.get("uri", "data:").startswith("data:")]
     if kind in (".obj", ".mtl"):
         lines = (line.strip().partition(" ") for line in file.read_text(errors="replace").splitlines())
-        named = [rest.strip() for word, _, rest in lines if word == "mtllib" or word.lower().startswith("map_")]
+        named = [rest.strip() for word, _, rest in lines if word.lower().startswith(("mtllib", "map_"))]
         # A map may have options before its name.
         return [name for rest in named for name in (rest, rest.split()[-1] if rest else "")]
     return []
@@ -106,4 +106,6 @@ def store(name: str, particles: Particles) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             half.unlink(missing_ok=True)
-        warnings.warn(f"The prepared object cannot be kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2)
+        warnings.warn(
+            f"The prepared object is not kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2
+        )

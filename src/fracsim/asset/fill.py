@@ -1,14 +1,15 @@
 """Fills a solid with material points: a regular lattice inside, a layer that follows the surface, true volumes.
 
-All lengths below are in lattice spacings. The lattice keeps INTERIOR below the surface. Lattice points between there
-and one spacing further out are one a unit area of the surface: they settle at the depth SKIN below it, spread evenly,
-and make the outermost layer. Both layers together are one particle a lattice cell, with no stairs in the outline.
+Lengths below are in lattice spacings. The lattice keeps INTERIOR below the surface. The lattice points from there to
+one spacing further out are one a unit area of the surface: they settle at the depth SKIN below it, spread evenly and
+make the outermost layer. Both together are one particle a lattice cell, without stairs in the outline.
 """
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fracsim.records import Array
 
@@ -18,10 +19,14 @@ INTERIOR = 0.75
 """Least depth of the lattice particles."""
 CLOSEST = 0.55
 """Surface particles nearer than this to another particle are dropped."""
+REPULSION = 1.1
+"""Distance below which surface particles push each other apart."""
 SMALLEST = 0.1
 """Particles of less volume are merged into their neighbour: a tiny mass is unstable."""
 FULL = 1.5
 """Lattice cells from this depth on are wholly owned by their lattice point."""
+THIN = 1.5
+"""Distance from the nearest particle beyond which volume counts as not resolved."""
 SAMPLES = 4
 """Inside tests along each edge of a boundary cell."""
 HALF_DIAGONAL = 0.87
@@ -37,7 +42,7 @@ class Solid(Protocol):
 
     @property
     def volume(self) -> float | None:
-        """The volume where it is known exactly [m^3]."""
+        """The volume where it is known exactly [m^3]; asked for after `distance`."""
 
     def distance(self, axes: list[Array]) -> Array:
         """Signed distances on the grid of three coordinate arrays, negative inside, right within 2 grid steps."""
@@ -46,9 +51,9 @@ class Solid(Protocol):
         """Whether the points `index`, (M, 3), of the grid of three coordinate arrays are inside, (M,) bool."""
 
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
-        """Points, (N, 3), moved to `depth` [m] below the nearest surface, and outward normals there, (N, 3).
+        """Points (N, 3) moved to `depth` [m] below the nearest surface, and outward normals there, (N, 3).
 
-        A point inside that cannot get there stays, one outside becomes NaN. No normal is known where it is zero.
+        A point inside that cannot get there stays, one outside becomes NaN. A zero normal means none is known.
         """
 
 
@@ -66,8 +71,8 @@ class Filling:
     """Outward unit normals of surface particles, (N, 3), zero where none is known."""
     surface: Array
     """Whether the particle is of the outermost layer, (N,) bool."""
-    thin: float
-    """Fraction of the volume that is further than 1.5 spacings from any particle, as in walls thinner than one."""
+    remarks: tuple[str, ...] = ()
+    """What a user should know."""
 
 
 def fill(solid: Solid, spacing: float) -> Filling:
@@ -75,23 +80,23 @@ def fill(solid: Solid, spacing: float) -> Filling:
     axes = lattice(*solid.bounds, spacing)
     d = solid.distance(axes) / spacing
     core = d <= -INTERIOR
-    inner = points(axes, np.argwhere(core))
+    inner, depth = points(axes, np.argwhere(core)), -d[core]
     band = points(axes, np.argwhere(~core & (d < 1 - INTERIOR)))
-    skin, normal = _surface(solid, band, inner[-d[core] < INTERIOR + 2], spacing)
+    skin, normal = _surface(solid, band, inner[depth < INTERIOR + 2], spacing)
     X = np.concatenate([skin, inner])
     surface = np.arange(len(X)) < len(skin)
-    depth = np.concatenate([np.full(len(skin), SKIN * spacing), -d[core] * spacing])
+    depth = np.concatenate([np.full(len(skin), SKIN), depth])
+    volume, remarks = _volumes(solid, axes, d, X, np.where(surface, 0.0, depth), spacing)
     normal = np.concatenate([normal, np.zeros_like(inner)])
-    volume, thin = _volumes(solid, axes, d, X, surface, spacing)
     keep = volume > 0
-    return Filling(X[keep], volume[keep], depth[keep], normal[keep], surface[keep], thin)
+    return Filling(X[keep], volume[keep], depth[keep] * spacing, normal[keep], surface[keep], remarks)
 
 
 def lattice(lo: Array, hi: Array, spacing: float) -> list[Array]:
-    """Three coordinate arrays of a lattice centred on the box [lo, hi], three points wider than it on each side.
+    """Three coordinate arrays of a lattice centred on the box [lo, hi], wider than it by three points on each side.
 
-    Of the two centred lattices an axis has, the one is taken whose outermost points lie one spacing below the surface
-    particles of a face of the box.
+    Of the two centred lattices that an axis has, the one is taken whose outermost points inside lie one spacing below
+    the surface particles of a face of the box.
     """
     count = np.maximum(np.round((hi - lo) / spacing - 2 * (1 + SKIN) + 1), 1) + 6
     return [c + spacing * (np.arange(n) - (n - 1) / 2) for c, n in zip((lo + hi) / 2, count, strict=True)]
@@ -110,49 +115,48 @@ def slabs(axes: list[Array]) -> list[slice]:
 
 def _surface(solid: Solid, band: Array, inner: Array, spacing: float) -> tuple[Array, Array]:
     """Surface particles and their normals from the lattice points next to the surface, clear of `inner`."""
-    P, normal = solid.settle(band, SKIN * spacing)
-    there = np.isfinite(P).all(axis=1)
-    P, normal = P[there], normal[there]
+    P, normal = _settled(solid, band, spacing)
     for _ in range(2):
         for _ in range(3):
             P = P + _repulsion(P, normal, inner, spacing)
-        Q, n = solid.settle(P, SKIN * spacing)
-        there = np.isfinite(Q).all(axis=1)
-        P, normal = Q[there], n[there]
+        P, normal = _settled(solid, P, spacing)
     keep = _apart(P, inner, CLOSEST * spacing)
     return P[keep], normal[keep]
 
 
-def _repulsion(P: Array, normal: Array, inner: Array, spacing: float) -> Array:
-    """One step along the surface away from neighbours nearer than 1.1 spacings, (N, 3)."""
-    from scipy.spatial import cKDTree
+def _settled(solid: Solid, P: Array, spacing: float) -> tuple[Array, Array]:
+    """Those of the points that settle at the depth SKIN, there, and the normals."""
+    Q, normal = solid.settle(P, SKIN * spacing)
+    there = np.isfinite(Q).all(axis=1)
+    return Q[there], normal[there]
 
-    reach = 1.1 * spacing
+
+def _repulsion(P: Array, normal: Array, inner: Array, spacing: float) -> Array:
+    """One step (N, 3) along the surface, away from near neighbours; a point without a normal stays."""
+    reach = REPULSION * spacing
     every = np.concatenate([P, inner])
-    pairs = cKDTree(every).query_pairs(reach, output_type="ndarray")
-    pairs = pairs[pairs[:, 0] < len(P)]
-    apart = every[pairs[:, 0]] - every[pairs[:, 1]]
+    i, j = _pairs(every, reach).T
+    i, j = i[i < len(P)], j[i < len(P)]
+    apart = every[i] - every[j]
     gap = np.maximum(np.linalg.norm(apart, axis=1), 1e-3 * spacing)
     push = apart * (0.3 * (reach - gap) / gap)[:, None]
-    step = np.stack([_scatter(pairs, push[:, k], len(every)) for k in range(3)], axis=1)[: len(P)]
+    sums = [np.bincount(i, p, len(every)) - np.bincount(j, p, len(every)) for p in push.T]
+    step = np.stack(sums, axis=1)[: len(P)]
     step -= np.einsum("ij,ij->i", step, normal)[:, None] * normal
-    # A particle without a normal has no surface to slide along.
-    step *= np.any(normal != 0, axis=1)[:, None]
+    step[(normal == 0).all(axis=1)] = 0.0
     return np.clip(step, -0.25 * spacing, 0.25 * spacing)
 
 
-def _scatter(pairs: Array, push: Array, n: int) -> Array:
-    """Sum over pairs of +push on the first and -push on the second of n points."""
-    total: Array = np.bincount(pairs[:, 0], push, n) - np.bincount(pairs[:, 1], push, n)
-    return total
+def _pairs(P: Array, reach: float) -> Array:
+    """Pairs i < j of points (N, 3) nearer than `reach`, (M, 2)."""
+    found: Array = cKDTree(P).query_pairs(reach, output_type="ndarray")
+    return found
 
 
 def _apart(P: Array, inner: Array, least: float) -> Array:
-    """Which points to keep, (N,) bool, so that no kept one is nearer than `least` to another or to `inner`."""
-    from scipy.spatial import cKDTree
-
+    """Which points to keep, (N,) bool, so that none is nearer than `least` to another or to `inner`."""
     keep = np.ones(len(P), bool)
-    pairs = cKDTree(np.concatenate([inner, P])).query_pairs(least, output_type="ndarray") - len(inner)
+    pairs = _pairs(np.concatenate([inner, P]), least) - len(inner)
     for i, j in pairs[np.lexsort(pairs.T)]:
         if j >= 0 and keep[j] and (i < 0 or keep[i]):
             keep[j] = False
@@ -160,29 +164,34 @@ def _apart(P: Array, inner: Array, least: float) -> Array:
 
 
 def _volumes(
-    solid: Solid, axes: list[Array], d: Array, X: Array, surface: Array, spacing: float
-) -> tuple[Array, float]:
-    """Volume of each particle, zero for those merged away, and the thin fraction (see Filling)."""
-    from scipy.spatial import cKDTree
+    solid: Solid, axes: list[Array], d: Array, X: Array, depth: Array, spacing: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Volume of each particle, zero for those merged away, and a remark on what is too thin.
 
-    core = np.flatnonzero((d <= -INTERIOR).ravel())
-    volume = np.zeros(len(X))
-    volume[~surface] = d.ravel()[core] <= -FULL
-    whole = volume.sum()
-    near = np.flatnonzero(surface | (np.concatenate([np.zeros(surface.sum()), d.ravel()[core]]) > -FULL - 1.5))
-    tree = cKDTree(X[near]) if len(near) else None
-    far = 0
+    Cells at least FULL below the surface belong to their lattice point; of others each sample that is inside belongs
+    to the nearest particle. `depth` (N,) is in spacings, 0 on the surface.
+    """
+    volume = (depth >= FULL).astype(float)
     cells = np.argwhere((d > -FULL) & (d < HALF_DIAGONAL))
-    for start in range(0, len(cells) if tree else 0, CHUNK):
-        inside = _samples(solid, axes, d, cells[start : start + CHUNK], spacing)
-        reach, owner = tree.query(inside)
+    near = np.flatnonzero(depth < FULL + 1.5)
+    if not len(near):
+        return volume, ()
+    tree, thin = cKDTree(X[near]), 0.0
+    for start in range(0, len(cells), CHUNK):
+        reach, owner = tree.query(_samples(solid, axes, d, cells[start : start + CHUNK], spacing))
         volume += np.bincount(near[owner], minlength=len(X)) / SAMPLES**3
-        far += int((reach > 1.5 * spacing).sum())
-    total = volume.sum()
+        thin += float((reach > THIN * spacing).sum()) / SAMPLES**3
+    share = thin / max(volume.sum(), 1e-9)
     volume = _merged(X, volume) * spacing**3
-    if solid.volume is not None and total > 0:
+    if solid.volume is not None and volume.any():
         volume *= solid.volume / volume.sum()
-    return volume, far / SAMPLES**3 / max(total, whole, 1.0)
+    return volume, () if share < 0.01 else (_thin(share),)
+
+
+def _thin(share: float) -> str:
+    return (
+        f"{share:.0%} of the volume is too thin for the particle spacing: raise solver.cells or asset.size."
+    )
 
 
 def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: float) -> Array:
@@ -199,8 +208,6 @@ def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: f
 
 def _merged(X: Array, volume: Array) -> Array:
     """Volumes, in cells, after those below SMALLEST went to the nearest larger particle."""
-    from scipy.spatial import cKDTree
-
     tiny = volume < SMALLEST
     if not tiny.any() or tiny.all():
         return volume

@@ -1,4 +1,4 @@
-"""The Gaussian of each material point: flat along the normal on the surface, round inside, colour as SH degree 0."""
+"""The Gaussian of each material point: flat along the surface, round inside, its colour as SH degree 0."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ OPACITY = 0.98
 
 
 def particles(filling: Filling, rgb: Array, spacing: float, notes: tuple[str, ...] = ()) -> Particles:
-    """Particles of a filling with colours (N, 3), sRGB in [0, 1]."""
+    """Particles of a filling with colours (N, 3), sRGB in [0, 1]; its remarks follow `notes`."""
     return Particles(
         X=filling.X.astype(np.float32),
         volume=filling.volume.astype(np.float32),
@@ -23,7 +23,7 @@ def particles(filling: Filling, rgb: Array, spacing: float, notes: tuple[str, ..
         sh=constant_sh(rgb),
         surface=filling.surface,
         spacing=spacing,
-        notes=notes,
+        notes=(*notes, *filling.remarks),
     )
 
 
@@ -38,18 +38,14 @@ def covariance(filling: Filling, spacing: float) -> Array:
     deep = ~filling.surface
     # Half the depth: what reaches through the surface is beyond two standard deviations.
     t[deep] = np.clip(0.5 * filling.depth[deep], 0.4 * spacing, ROUND * spacing)
-    N, n = filling.normal, NORMAL * spacing
-    flat = (n * n - t * t)[:, None] * np.stack([N[:, i] * N[:, j] for i, j in zip(*np.triu_indices(3), strict=True)], 1)
-    flat[:, [0, 3, 5]] += (t * t)[:, None]
+    rows, columns = np.triu_indices(3)
+    n = NORMAL * spacing
+    flat: Array = (n * n - t * t)[:, None] * filling.normal[:, rows] * filling.normal[:, columns]
+    flat[:, rows == columns] += (t * t)[:, None]
     return flat
 
 
-def painted_depth(filling: Filling, spacing: float) -> Array:
-    """The depths to ask colours for, (N,) [m]: surface particles show what lies on the surface above them."""
-    return np.where(filling.surface, 0.0, np.maximum(filling.depth, 0.0))
-
-
-def painted_points(filling: Filling, spacing: float) -> Array:
-    """The points to ask colours for, (N, 3) [m]: surface particles are lifted back to the surface."""
-    P: Array = filling.X + SKIN * spacing * filling.normal
-    return P
+def lifted(filling: Filling, spacing: float) -> tuple[Array, Array]:
+    """Where to ask for colours, points (N, 3) and depths (N,) [m]: surface particles show what is right above them."""
+    P = filling.X + SKIN * spacing * filling.normal
+    return P, np.where(filling.surface, 0.0, filling.depth)

@@ -15,7 +15,7 @@ class Implicit:
     """A solid in the world given by an approximate signed distance of points, negative inside."""
 
     def __init__(self, field: Field, lo: Array, hi: Array, step: float) -> None:
-        """`field` of points (N, 3) [m] gives (N,) [m]; the box [lo, hi] is tight; `step` [m] is for differences."""
+        """`field` of points (N, 3) [m] is (N,) [m]; the box [lo, hi] is tight; `step` [m] is for differences."""
         self.field, self.step = field, step
         self.bounds = lo, hi
         self.volume: float | None = None
@@ -26,7 +26,8 @@ class Implicit:
         slope = np.zeros_like(d)
         for k, axis in enumerate(axes):
             slope += np.square(np.gradient(d, axis[1] - axis[0], axis=k))
-        return d / np.clip(np.sqrt(slope), 0.3, 3.0)
+        out: Array = d / np.clip(np.sqrt(slope), 0.3, 3.0)
+        return out
 
     def contains(self, axes: list[Array], index: Array) -> Array:
         """Whether grid points (M, 3) are inside, (M,) bool."""
@@ -53,7 +54,7 @@ def on_grid(field: Field, axes: list[Array]) -> Array:
 
 
 def slope(field: Field, P: Array, step: float) -> tuple[Array, Array]:
-    """Value (N,) and gradient (N, 3) of a field from the corners of a tetrahedron of half edge `step` about P."""
+    """Value (N,) and gradient (N, 3) of a field from the corners of a tetrahedron about P."""
     values = np.stack([field(P + step * c) for c in CORNERS], axis=1).astype(np.float64)
     return values.mean(axis=1), values @ CORNERS / (4 * step)
 
@@ -82,7 +83,8 @@ def tight_box(field: Field, lo: Array, hi: Array) -> tuple[Array, Array]:
     for _ in range(2):
         pitch /= 4
         local = pitch * np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
-        ends = np.unique(np.concatenate([np.argsort(S[:, k])[r] for k in range(3) for r in (slice(0, 8), slice(-8, None))]))
+        order = np.argsort(S, axis=0)
+        ends = np.unique(np.concatenate([order[:8], order[-8:]]))
         S = np.concatenate([S[ends], _on_surface(field, (S[ends, None] + local).reshape(-1, 3), pitch / 2)])
     return S.min(axis=0), S.max(axis=0)
 

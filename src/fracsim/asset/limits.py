@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fracsim.asset.fill import Filling
 from fracsim.records import Array
 from fracsim.vocab import Asset
 
@@ -36,34 +35,36 @@ def _check_file(asset: Asset) -> None:
             "export the object to such a file."
         )
     if not file.is_file():
-        raise ValueError(f"asset.path={asset.path} is not a file (looked for from {Path.cwd()}): correct asset.path.")
+        raise ValueError(f"asset.path={asset.path} is not a file, seen from {Path.cwd()}: correct the path.")
     if file.stat().st_size > MOST_BYTES:
         raise ValueError(
-            f"asset.path={asset.path} has {file.stat().st_size / 2**30:.1f} GiB, at most {MOST_BYTES / 2**30:g} are "
-            "read: decimate the mesh, or prune the Gaussians."
+            f"asset.path={asset.path} has {file.stat().st_size / 2**30:.1f} GiB, at most {MOST_BYTES / 2**30:g} "
+            "are read: decimate the mesh, or prune the Gaussians."
         )
 
 
 def colour(text: str) -> tuple[float, float, float]:
-    """sRGB in [0, 1] of '#rrggbb'; raises ValueError for anything else."""
+    """The sRGB values in [0, 1] of '#rrggbb'; raises ValueError for anything else."""
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
-        raise ValueError(f"asset.interior={text} is not a colour: write it as '#rrggbb', as '#f2e0c0', or leave it empty.")
+        raise ValueError(
+            f"asset.interior={text} is not a colour: write '#rrggbb', as '#f2e0c0', or leave it empty."
+        )
     r, g, b = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return r, g, b
 
 
 def estimate(asset: Asset, spacing: float, volume: float, area: float, bounds: tuple[Array, Array]) -> None:
-    """Raises ValueError when a solid of about `volume` [m^3], `area` [m^2] and `bounds` [m] needs too many particles.
+    """Raises ValueError when a solid of about `volume` [m^3], `area` [m^2] and `bounds` [m] is too large.
 
-    Each bit of the surface takes half a particle more than the volume does. A slim object may need few particles but
-    a wide grid to find them.
+    Each bit of the surface takes half a particle more than the volume does. A slim object may need few particles
+    but a wide grid to find them.
     """
     count(asset, spacing, int(volume / spacing**3 + 0.5 * area / spacing**2), "about ")
     grid = float(np.prod((bounds[1] - bounds[0]) / spacing + 7))
     if grid > MOST_GRID:
         raise ValueError(
-            f"asset.size={asset.size:g} with particles {spacing:g} m apart needs a grid of {grid:.2g} points to fill, "
-            f"at most {MOST_GRID:.0e} are allowed: lower asset.size or solver.cells."
+            f"asset.size={asset.size:g} with particles {spacing:g} m apart needs a grid of {grid:.2g} points to "
+            f"fill, at most {MOST_GRID:.0e} are allowed: lower asset.size or solver.cells."
         )
 
 
@@ -71,18 +72,11 @@ def count(asset: Asset, spacing: float, n: int, about: str = "") -> None:
     """Raises ValueError unless FEWEST <= n <= asset.max_particles."""
     if n > asset.max_particles:
         raise ValueError(
-            f"asset.max_particles={asset.max_particles} but the object needs {about}{n} particles {spacing:g} m apart: "
-            f"lower solver.cells or asset.size={asset.size:g}, or raise asset.max_particles."
+            f"asset.max_particles={asset.max_particles} but the object needs {about}{n} particles {spacing:g} m "
+            f"apart: lower solver.cells or asset.size={asset.size:g}, or raise asset.max_particles."
         )
     if n < FEWEST and not about:
         raise ValueError(
             f"asset.size={asset.size:g} gives {n} particles {spacing:g} m apart, at least {FEWEST} are needed: "
             "raise asset.size or solver.cells."
         )
-
-
-def remarks(filling: Filling) -> tuple[str, ...]:
-    """What a user should know about a filling."""
-    if filling.thin < 0.01:
-        return ()
-    return (f"{filling.thin:.0%} of the volume is thinner than a particle spacing: raise solver.cells or asset.size.",)

@@ -6,6 +6,14 @@ y is up, as in glTF; an OBJ or STL file drawn with z up needs asset.rotate_deg=[
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import (
+    binary_erosion,
+    distance_transform_edt,
+    label,
+    map_coordinates,
+    maximum_filter,
+    median_filter,
+)
 
 from fracsim.asset import fill, gaussians, limits, paint, place, surface, weld
 from fracsim.asset.nearest import Nearest
@@ -16,6 +24,8 @@ from fracsim.vocab import Asset
 
 REACH = 1.0  # spacings from the surface up to which a point is moved onto it
 STRAY = 0.005  # parts smaller than this fraction of the largest are crumbs of a doubtful inside
+
+SEAMS = "The mesh is not watertight as stored; welding vertices at equal positions closed it, so its inside is exact."
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
@@ -30,7 +40,7 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
             "Give the sheet a thickness, or close its holes."
         )
     rgb = _painted(solid, filling, asset, spacing, seed)
-    return gaussians.particles(filling, rgb, spacing, (*solid.notes, *limits.remarks(filling)))
+    return gaussians.particles(filling, rgb, spacing, solid.notes)
 
 
 def _placed(skin: Surface, asset: Asset) -> Surface:
@@ -105,21 +115,25 @@ class MeshSolid:
         winding, doubtful = np.zeros(shape), np.zeros(shape, bool)
         for rows in fill.slabs(axes):
             index = np.argwhere(np.ones_like(doubtful[rows])) + (rows.start, 0, 0)
-            winding[rows].flat, doubtful[rows].flat = rays.winding(index)
+            w, unsure = rays.winding(index)
+            winding[rows], doubtful[rows] = (
+                w.reshape(winding[rows].shape),
+                unsure.reshape(winding[rows].shape),
+            )
         inside = np.abs(winding) > 0.5
         if not self.mesh.closed:
             inside = _without_crumbs(inside, doubtful)
             self.notes += (_open_note(doubtful[inside]),)
         elif self.mesh.oriented and len(np.unique(winding)) <= 2:
             self.volume = self.mesh.volume
+        if self.mesh.closed and not self.skin.watertight:
+            self.notes += (SEAMS,)
         self.origin = np.array([a[0] for a in axes])
         self.inside = inside.astype(np.float32)
         return inside
 
     def _insideness(self, P: Array) -> Array:
         """Linear interpolation of the inside on the grid at P (N, 3), (N,) in [0, 1]."""
-        from scipy.ndimage import map_coordinates
-
         at = ((P - self.origin) / self.spacing).T
         values: Array = map_coordinates(self.inside, at, order=1, mode="nearest")
         return values
@@ -131,15 +145,11 @@ class MeshSolid:
 
     def _buried(self, inside: Array) -> Array:
         """Which surface samples have nothing but inside about them, as where bodies overlap, (S,) bool."""
-        from scipy.ndimage import binary_erosion
-
         deep: Array = binary_erosion(inside, np.ones((3, 3, 3)))
         return deep[self._cells(inside.shape)]
 
     def _close(self, shape: tuple[int, ...]) -> Array:
         """Grid points within two and a half steps of the surface, (nx, ny, nz) bool."""
-        from scipy.ndimage import maximum_filter
-
         hit = np.zeros(shape, np.uint8)
         hit[self._cells(shape)] = 1
         return maximum_filter(hit, 7) > 0
@@ -155,8 +165,6 @@ def _open_note(doubtful: Array) -> str:
 
 def _without_crumbs(inside: Array, doubtful: Array) -> Array:
     """The inside with doubtful points decided by their neighbours, and without tiny parts."""
-    from scipy.ndimage import label, median_filter
-
     inside = np.where(doubtful, median_filter(inside.astype(np.uint8), 3) > 0, inside)
     parts, n = label(inside)
     size = np.bincount(parts.ravel(), minlength=n + 1)
@@ -167,8 +175,6 @@ def _without_crumbs(inside: Array, doubtful: Array) -> Array:
 
 def _lidded(d: Array, inside: Array, spacing: float) -> Array:
     """Distances that also see the boundary of the inside where there is no surface, as across a hole."""
-    from scipy.ndimage import distance_transform_edt
-
     lid = spacing * (distance_transform_edt(inside) - 0.5)
     return np.where(inside & (-d > lid + spacing), -lid, d)
 
@@ -176,9 +182,9 @@ def _lidded(d: Array, inside: Array, spacing: float) -> Array:
 def _painted(solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: float, seed: int) -> Array:
     """Colours (N, 3): the lit surface down to a skin, below it the inside."""
     P, top = filling.X, filling.surface
-    S = gaussians.painted_points(filling, spacing)[top]
-    unlit = _footprint(solid, S, filling.normal[top], spacing)
-    rgb = paint.inside(asset.interior, unlit, (P - place.CENTRE) / asset.size, seed)
+    S, _ = gaussians.lifted(filling, spacing)
+    unlit = _footprint(solid, S[top], filling.normal[top], spacing)
+    rgb = paint.inside(asset.interior, unlit, (P - place.HOME) / asset.size, seed)
     rgb[top] = paint.lit(unlit, filling.normal[top])
     under = np.flatnonzero(~top & (filling.depth < paint.DEEP * spacing))
     S, face, bary = solid.nearest(P[under])

@@ -1,6 +1,7 @@
 """The nearest point of a triangle surface: a tree over samples finds the candidates, exact arithmetic decides."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fracsim.records import Array
 
@@ -12,17 +13,12 @@ class Nearest:
         """`corners` (T, 3, 3) of triangles with area; samples lie about `pitch` apart on larger ones."""
         self.corners = corners
         self.samples, self.face = _sampled(corners, pitch)
-        self._plant()
-
-    def _plant(self) -> None:
-        from scipy.spatial import cKDTree
-
         self.tree = cKDTree(self.samples)
 
     def drop(self, buried: Array) -> None:
         """Forgets samples, (S,) bool, so that their part of the surface is no longer found."""
         self.samples, self.face = self.samples[~buried], self.face[~buried]
-        self._plant()
+        self.tree = cKDTree(self.samples)
 
     def __call__(self, P: Array, candidates: int = 8) -> tuple[Array, Array, Array]:
         """Nearest points (N, 3), their triangles (N,) and barycentric coordinates (N, 3) of points (N, 3)."""
@@ -40,23 +36,33 @@ class Nearest:
 
 
 def _sampled(corners: Array, pitch: float) -> tuple[Array, Array]:
-    """Points (S, 3) on a triangular grid on each triangle, its edges at most `pitch` long, and their triangles (S,)."""
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.clip(np.ceil(edge / pitch).astype(int), 1, 512)
+    """Points (S, 3) about `pitch` apart on each triangle, in rows along its shortest edge; their triangles (S,)."""
+    facing = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
+    order = (facing.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(corners, order[:, :, None], axis=1)
+    edges = np.stack([facing.max(axis=1), facing.min(axis=1)], axis=1)
+    parts = np.clip(np.ceil(edges / pitch).astype(int), 1, 4096)
+    kinds, kind = np.unique(parts, axis=0, return_inverse=True)
+    members = np.split(np.argsort(kind.ravel(), kind="stable"), np.cumsum(np.bincount(kind.ravel()))[:-1])
     samples, faces = [], []
-    for n in np.unique(parts):
-        mine = np.flatnonzero(parts == n)
-        i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-        # Centres of the upward small triangles: none is shared with a neighbour.
-        w = np.stack([i + 1 / 3, j + 1 / 3], axis=-1)[i + j < n] / n
-        bary = np.concatenate([w, 1 - w.sum(axis=1, keepdims=True)], axis=1)
-        samples.append(np.einsum("sc,tcj->tsj", bary, corners[mine]).reshape(-1, 3))
+    for (rows, across), mine in zip(kinds, members, strict=True):
+        bary = _rows(int(rows), int(across))
+        samples.append(np.einsum("sc,tcj->tsj", bary, turned[mine]).reshape(-1, 3))
         faces.append(np.repeat(mine, len(bary)))
     return np.concatenate(samples), np.concatenate(faces)
 
 
+def _rows(rows: int, across: int) -> Array:
+    """Barycentric coordinates (S, 3): rows from the first corner on, the last one of `across` points."""
+    u = (np.arange(rows) + 0.5) / rows
+    count = np.maximum(np.ceil(u * across).astype(int), 1)
+    u, count, first = (np.repeat(a, count) for a in (u, count, np.cumsum(count) - count))
+    w = (np.arange(len(u)) - first + 0.5) / count
+    return np.stack([1 - u, u * (1 - w), u * w], axis=1)
+
+
 def _barycentric(corners: Array, P: Array) -> Array:
-    """Barycentric coordinates (N, 3) of the point of triangle n, (N, 3, 3), that is nearest to P[n], (N, 3)."""
+    """Barycentric coordinates (N, 3) of the points of triangles (N, 3, 3) that are nearest to P (N, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac, ap = b - a, c - a, P - a
     uu, uv, vv = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)

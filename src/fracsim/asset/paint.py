@@ -1,6 +1,7 @@
 """Colours of a surface with textures, the soft light baked into them, and what the inside looks like."""
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from fracsim.asset.limits import colour
 from fracsim.asset.surface import Surface
@@ -8,7 +9,7 @@ from fracsim.records import Array
 
 LIGHT = np.array([-0.45, 0.70, 0.55]) / np.linalg.norm([-0.45, 0.70, 0.55])
 """Direction to the key light, in the world: above, left, in front, as on the built-in objects."""
-AMBIENT, KEY = 0.80, 0.28
+AMBIENT, KEY = 0.74, 0.32
 SKIN, DEEP = 1.0, 2.0
 """Depths, in spacings, down to which the surface colour reaches, and from which on the inside shows."""
 GRAIN = (24.0, 50.0)
@@ -23,11 +24,12 @@ def sample(surface: Surface, face: Array, bary: Array) -> Array:
         if k >= 0:
             mine = surface.texture[face] == k
             rgb[mine] *= _bilinear(surface.images[k], uv[mine])
-    return np.clip(rgb, 0.0, 1.0)
+    out: Array = np.clip(rgb, 0.0, 1.0)
+    return out
 
 
 def _bilinear(image: Array, uv: Array) -> Array:
-    """Texels (N, 3) in [0, 1] at texture coordinates (N, 2) with the origin below left, repeated outside [0, 1]."""
+    """Texels (N, 3) in [0, 1] at texture coordinates (N, 2), origin below left, repeated outside [0, 1]."""
     height, width = image.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
     i, j = np.floor(x).astype(int), np.floor(y).astype(int)
@@ -41,24 +43,24 @@ def _bilinear(image: Array, uv: Array) -> Array:
 def lit(rgb: Array, normal: Array) -> Array:
     """Colours (N, 3) under a soft key light, by outward unit normals (N, 3)."""
     light = AMBIENT + KEY * (0.5 + 0.5 * normal @ LIGHT)
-    return np.clip(rgb * light[:, None], 0.0, 1.0)
+    out: Array = np.clip(rgb * light[:, None], 0.0, 1.0)
+    return out
 
 
 def inside(text: str, skin: Array, P: Array, seed: int) -> Array:
-    """Colours (N, 3) deep inside at P (N, 3), in extents of the object: `text` if given, else made from `skin` (M, 3).
+    """Colours (N, 3) deep inside, at P (N, 3) in extents of the object: `text`, or made from `skin` (M, 3).
 
     The mean of the surface is muted and a little lighter; a grain lets one see the material move.
     """
     base = np.array(colour(text)) if text else _muted(skin.mean(axis=0))
     rng = np.random.default_rng(seed)
-    grain = sum(0.06 * _noise(P, frequency, rng) for frequency in GRAIN)
-    return np.clip(base * (1 + grain[:, None]), 0.0, 1.0)
+    grain = np.sum([0.06 * _noise(P, frequency, rng) for frequency in GRAIN], axis=0)
+    out: Array = np.clip(base * (1 + grain[:, None]), 0.0, 1.0)
+    return out
 
 
 def _noise(P: Array, frequency: float, rng: np.random.Generator) -> Array:
     """Smooth noise in [-1, 1], (N,), with `frequency` lattice cells a unit."""
-    from scipy.ndimage import map_coordinates
-
     table = rng.uniform(-1.0, 1.0, (32, 32, 32))
     values: Array = map_coordinates(table, P.T * frequency, order=1, mode="grid-wrap")
     return values

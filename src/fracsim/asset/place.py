@@ -1,7 +1,7 @@
 """Where an object stands: turned, scaled to its largest extent, its bounding box centred in the domain.
 
-y is up, as in glTF. OBJ and STL files drawn with z up need asset.rotate_deg=[-90,0,0], and a trained 3DGS file in the
-axes of COLMAP (y down) needs asset.rotate_deg=[180,0,0].
+y is up, as in glTF. OBJ and STL files drawn with z up need asset.rotate_deg=[-90,0,0], and a trained 3DGS file in
+the axes of COLMAP (y down) needs asset.rotate_deg=[180,0,0].
 """
 
 import math
@@ -12,10 +12,13 @@ import numpy as np
 from fracsim.records import Array
 from fracsim.vocab import CENTRE, Asset
 
+HOME: Array = np.array(CENTRE)
+"""Where the centre of the object's bounding box is placed [m], (3,)."""
+
 
 @dataclass(frozen=True)
 class Placement:
-    """The similarity W = scale (R p - middle) + CENTRE from object coordinates p to the world [m]."""
+    """The similarity W = scale (R p - middle) + HOME from object coordinates p to the world [m]."""
 
     R: Array
     """Rotation, (3, 3)."""
@@ -26,12 +29,12 @@ class Placement:
 
     def to_world(self, P: Array) -> Array:
         """Points of the object, (N, 3), in the world [m]."""
-        world: Array = self.scale * (P @ self.R.T - self.middle) + CENTRE
+        world: Array = self.scale * (P @ self.R.T - self.middle) + HOME
         return world
 
     def to_object(self, W: Array) -> Array:
         """Points of the world [m], (N, 3), in object coordinates."""
-        points: Array = ((W - CENTRE) / self.scale + self.middle) @ self.R
+        points: Array = ((W - HOME) / self.scale + self.middle) @ self.R
         return points
 
 
@@ -48,7 +51,7 @@ def rotation(degrees: list[float]) -> Array:
 
 
 def fit(asset: Asset, lo: Array, hi: Array) -> Placement:
-    """Scales the turned bounding box [lo, hi], each (3,), to asset.size; raises ValueError when it has no extent."""
+    """Scales the turned bounding box [lo, hi], each (3,), to asset.size; raises ValueError if it has no extent."""
     extent = float(np.max(hi - lo))
     if not (math.isfinite(extent) and extent > 0):
         raise ValueError(

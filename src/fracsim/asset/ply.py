@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plyfile
+from scipy.spatial.transform import Rotation
 
 from fracsim.records import Array
 
@@ -37,18 +39,22 @@ def read(path: str | Path) -> Gaussians:
     """The Gaussians of a checkpoint; raises ValueError naming asset.path for a file that is none."""
     vertex = _vertex(path)
     names = {p.name for p in vertex.properties}
-    rest = sorted((n for n in names if n.startswith("f_rest_")), key=lambda n: int(n.rpartition("_")[2]))
-    if len(rest) not in DEGREES:
+    rest = [f"f_rest_{i}" for i in range(len([n for n in names if n.startswith("f_rest_")]))]
+    if len(rest) not in DEGREES or not names.issuperset(rest):
         raise ValueError(
-            f"asset.path={path} has {len(rest)} properties f_rest_*, a checkpoint has 0, 9, 24 or 45 (SH degree 0 to 3): "
-            "export it again."
+            f"asset.path={path} has {len(rest)} properties f_rest_*, a checkpoint has 0, 9, 24 or 45 of them, "
+            "numbered from 0 (SH degree 0 to 3): export it again."
         )
     values = {n: np.asarray(vertex[n], np.float64) for n in (*NEEDED, *rest)}
     _check_values(path, values)
     R = _rotations(np.stack([values[f"rot_{i}"] for i in range(4)], axis=1))
     deviations = np.exp(np.stack([values[f"scale_{i}"] for i in range(3)], axis=1))
     constant = np.stack([values[f"f_dc_{i}"] for i in range(3)], axis=1)[:, None, :]
-    higher = np.stack([values[n] for n in rest], axis=1).reshape(len(R), 3, -1).transpose(0, 2, 1) if rest else None
+    higher = (
+        np.stack([values[n] for n in rest], axis=1).reshape(len(R), 3, -1).transpose(0, 2, 1)
+        if rest
+        else None
+    )
     return Gaussians(
         means=np.stack([values[n] for n in "xyz"], axis=1),
         covariance=np.einsum("nij,nj,nkj->nik", R, deviations**2, R),
@@ -59,15 +65,17 @@ def read(path: str | Path) -> Gaussians:
 
 def _vertex(path: str | Path) -> Any:
     """The vertex element of a PLY file; raises ValueError when it is not that of a checkpoint."""
-    import plyfile
-
     try:
         file = plyfile.PlyData.read(str(path))
     except (plyfile.PlyParseError, OSError, ValueError, UnicodeDecodeError) as error:
-        raise ValueError(f"asset.path={path} cannot be read as PLY: {error}. Give a whole point_cloud.ply.") from error
+        raise ValueError(
+            f"asset.path={path} cannot be read as PLY ({error}): give a whole point_cloud.ply."
+        ) from error
     vertex = next((e for e in file.elements if e.name == "vertex"), None)
     if vertex is None or vertex.count == 0:
-        raise ValueError(f"asset.path={path} has no vertices: give the point_cloud.ply of a trained 3DGS model.")
+        raise ValueError(
+            f"asset.path={path} has no vertices: give the point_cloud.ply of a trained 3DGS model."
+        )
     missing = [n for n in NEEDED if n not in {p.name for p in vertex.properties}]
     if missing:
         raise ValueError(
@@ -92,8 +100,6 @@ def _check_values(path: str | Path, values: dict[str, Array]) -> None:
 
 def _rotations(q: Array) -> Array:
     """Rotation matrices (N, 3, 3) of quaternions w x y z (N, 4); a zero quaternion is no turn."""
-    from scipy.spatial.transform import Rotation
-
     q = np.where(np.linalg.norm(q, axis=1, keepdims=True) > 1e-12, q, (1.0, 0.0, 0.0, 0.0))
     R: Array = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()
     return R
@@ -113,14 +119,11 @@ def triangle(matrices: Array) -> Array:
 
 
 def write(path: str | Path, means: Array, covariance: Array, opacity: Array, sh: Array) -> None:
-    """Writes Gaussians as a checkpoint: means (N, 3), covariance (N, 6), opacity (N,) in [0, 1], sh (N, K, 3).
+    """Writes a checkpoint of means (N, 3), covariance (N, 6), opacity (N,) in [0, 1] and sh (N, K, 3).
 
-    Binary little-endian float32. Opacities are kept 1e-6 from 0 and 1, where their logit is infinite; variances
-    below 1e-14 times the largest of the Gaussian, which float32 cannot tell from zero, are raised to it.
+    Binary, little-endian, float32. Opacities are kept 1e-6 away from 0 and 1, where the logit is infinite, and
+    variances at 1e-14 of the largest of their Gaussian, below which rounding may make them negative.
     """
-    import plyfile
-    from scipy.spatial.transform import Rotation
-
     variances, axes = np.linalg.eigh(symmetric(np.asarray(covariance, np.float64)))
     axes[np.linalg.det(axes) < 0, :, 0] *= -1
     variances = np.maximum(variances, 1e-14 * variances[:, 2:] + 1e-30)

@@ -55,7 +55,9 @@ class _Table:
         """Crossings ahead and behind of grid points (M, 3): their winding, or their parity when not oriented."""
         u, v = (self.axis + 1) % 3, (self.axis + 2) % 3
         line = index[:, u] * len(axes[v]) + index[:, v]
-        at = np.searchsorted(self.key, line + _fraction(axes[self.axis], axes[self.axis])[index[:, self.axis]])
+        at = np.searchsorted(
+            self.key, line + _fraction(axes[self.axis], axes[self.axis])[index[:, self.axis]]
+        )
         first, last = np.searchsorted(self.line, line), np.searchsorted(self.line, line, side="right")
         if oriented:
             return self.cumulative[last] - self.cumulative[at], self.cumulative[first] - self.cumulative[at]
@@ -65,7 +67,8 @@ class _Table:
 def _fraction(place: Array, axis: Array) -> Array:
     """Places along an axis as numbers in (0, 1), the same order."""
     span = axis[-1] - axis[0]
-    return np.clip(0.5 + 0.25 * (place - (axis[0] + axis[-1]) / 2) / max(span, 1e-300), 1e-9, 1 - 1e-9)
+    out: Array = np.clip(0.5 + 0.25 * (place - (axis[0] + axis[-1]) / 2) / max(span, 1e-300), 1e-9, 1 - 1e-9)
+    return out
 
 
 def _crossings(corners: Array, axes: list[Array], axis: int) -> tuple[Array, Array, Array]:
@@ -78,8 +81,8 @@ def _crossings(corners: Array, axes: list[Array], axis: int) -> tuple[Array, Arr
     pairs = (i1 - i0) * (j1 - j0)
     out: list[tuple[Array, Array, Array]] = [(np.zeros(0, int), np.zeros(0), np.zeros(0, int))]
     batch = np.cumsum(pairs) // CHUNK
-    for part in np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(batch)) + 1):
-        part = part[pairs[part] > 0]
+    for every in np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(batch)) + 1):
+        part = every[pairs[every] > 0]
         t = np.repeat(part, pairs[part])
         k = np.arange(len(t)) - np.repeat(np.cumsum(pairs[part]) - pairs[part], pairs[part])
         width = (j1 - j0)[t]

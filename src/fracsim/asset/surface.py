@@ -14,6 +14,8 @@ from fracsim.records import Array
 MOST_TRIANGLES = 5_000_000
 GREY = 0.6
 """Colour, sRGB, of what has none."""
+UNSET = (102, 102, 102, 255)
+"""What trimesh puts for a diffuse colour that a file does not give."""
 SHARP = 0.7  # cosine between a face and its vertex normal below which the edge counts as sharp
 
 
@@ -33,6 +35,8 @@ class Surface:
     """Index into `images`, -1 without, (T,)."""
     images: tuple[Array, ...]
     """Textures, rows from the top, (H, W, 3) uint8, sRGB."""
+    watertight: bool
+    """Whether every edge of the file has a partner, vertices taken as they are stored."""
     notes: tuple[str, ...] = ()
     """What a user should know about the file."""
 
@@ -46,7 +50,7 @@ def read(path: str) -> Surface:
         parts = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
     except Exception as error:  # trimesh lets many kinds through, one a format
         raise ValueError(
-            f"asset.path={path} cannot be read as a mesh: {error or type(error).__name__}. Export it again, best as GLB."
+            f"asset.path={path} cannot be read as a mesh ({type(error).__name__}: {error}): export it again, best as GLB."
         ) from error
     if not parts:
         raise ValueError(
@@ -73,7 +77,8 @@ def _check_parts(path: str, parts: list[Any]) -> None:
 
 def _joined(parts: list[Any]) -> Surface:
     """One surface of all geometries of a scene."""
-    corners, normals, rgb, uv, texture, images = [], [], [], [], [], []
+    corners, normals, rgb, uv, texture = [], [], [], [], []
+    images: list[Array] = []
     plain = 0
     for part in parts:
         corners.append(part.vertices[part.faces])
@@ -85,8 +90,9 @@ def _joined(parts: list[Any]) -> Surface:
         images.extend(pictures)
         plain += 0 if coloured else len(part.faces)
     notes = (f"{plain} triangles have no colour and are grey.",) if plain else ()
-    joined = (np.concatenate(a) for a in (corners, normals, rgb, uv, texture))
-    return Surface(*joined, tuple(images), notes)
+    watertight = all(p.is_watertight for p in parts)
+    P, N, c, t, k = (np.concatenate(a) for a in (corners, normals, rgb, uv, texture))
+    return Surface(P, N, c, t, k, tuple(images), watertight, notes)
 
 
 def _corner_normals(part: Any) -> Array:
@@ -114,25 +120,32 @@ def _colours(part: Any) -> tuple[Array, Array, Array, list[Array], bool]:
         return rgb * _unit(picked)[..., :3], uv, index, [], True
     if visual.kind != "texture":
         return GREY * rgb, uv, index, [], False
+    vertex = visual.vertex_attributes.get("color")
+    painted = vertex is not None and len(vertex) == len(part.vertices)
+    if painted:
+        rgb *= _unit(vertex)[part.faces][..., :3]
+    if visual.uv is not None and len(visual.uv) == len(part.vertices):
+        uv = np.asarray(visual.uv, float)[part.faces]
+    images = _materials(visual, rgb, index, painted)
+    return rgb, uv, index, images, painted or bool(images) or bool((rgb != GREY).any())
+
+
+def _materials(visual: Any, rgb: Array, index: Array, painted: bool) -> list[Array]:
+    """Multiplies the factors of a geometry's materials into `rgb` and sets the texture `index`; the textures."""
     images: list[Array] = []
     materials = getattr(visual.material, "materials", None) or [visual.material]
-    of_face = getattr(visual, "face_materials", None)
-    of_face = np.zeros(n, int) if of_face is None or len(of_face) != n else np.asarray(of_face)
-    coloured = False
+    owner = getattr(visual, "face_materials", None)
+    owner = np.zeros(len(rgb), int) if owner is None or len(owner) != len(rgb) else np.asarray(owner)
     for k, material in enumerate(materials):
-        mine = of_face == k
+        mine = owner == k
         factor, image = _material(material)
         if image is not None and visual.uv is not None:
             index[mine] = len(images)
             images.append(image)
-        coloured |= factor is not None or image is not None
-        rgb[mine] *= GREY if factor is None and image is None else 1.0 if factor is None else factor
-    if visual.uv is not None and len(visual.uv) == len(part.vertices):
-        uv = np.asarray(visual.uv, float)[part.faces]
-    vertex = visual.vertex_attributes.get("color") if visual.vertex_attributes else None
-    if vertex is not None and len(vertex) == len(part.vertices):
-        rgb, coloured = rgb * _unit(vertex)[part.faces][..., :3], True
-    return rgb, uv, index, images, coloured
+        elif factor is None and not painted:
+            factor = np.full(3, GREY)
+        rgb[mine] *= 1.0 if factor is None else factor
+    return images
 
 
 def _material(material: Any) -> tuple[Array | None, Array | None]:
@@ -141,17 +154,23 @@ def _material(material: Any) -> tuple[Array | None, Array | None]:
         factor, image = material.baseColorFactor, material.baseColorTexture
         factor = None if factor is None else _srgb(_unit(factor)[:3])
     else:  # an OBJ file's Kd is a display colour, and viewers take a map in its place
-        factor, image = getattr(material, "diffuse", None), getattr(material, "image", None)
-        factor = None if factor is None or image is not None else _unit(factor)[:3]
+        factor, image = _unit(material.diffuse)[:3], material.image
+        if image is not None or np.array_equal(material.diffuse, UNSET):
+            factor = None
     return factor, None if image is None else np.asarray(image.convert("RGB"))
 
 
 def _unit(values: Any) -> Array:
     """Colour values in [0, 1] from integers of any width, or from numbers that are so already."""
     values = np.asarray(values)
-    return values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
+    out: Array = (
+        values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
+    )
+    return out
 
 
 def _srgb(linear: Array) -> Array:
     """Display values of linear intensities (IEC 61966-2-1)."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
+    )

@@ -1,8 +1,10 @@
-"""Is a heap of triangles a closed surface? Vertices are welded by position first: texture seams split them in the file."""
+"""Whether triangles make a closed surface, once vertices that texture seams split in the file are welded."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from fracsim.records import Array
 
@@ -79,9 +81,6 @@ def _turned(positions: Array, faces: Array) -> Array:
     Each triangle appears twice in a graph, as it is and flipped; neighbours are joined in the states that agree, and
     a component of the graph is one consistent choice (its mirror image is another component).
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     n = len(faces)
     edge, way = (a.ravel() for a in _directed(faces))
     order = np.argsort(edge, kind="stable")

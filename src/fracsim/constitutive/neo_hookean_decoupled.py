@@ -5,6 +5,10 @@ import taichi as ti
 from fracsim.mpm.tensor import J_MIN
 
 
+LAM_IS_BULK_MODULUS = True
+"""At small strain lam resists the change of volume alone: Hooke's law with lam - 2 mu / 3 (as in PhysGaussian)."""
+
+
 @ti.func
 def psi(F, mu, lam):
     J = ti.max(F.determinant(), J_MIN)

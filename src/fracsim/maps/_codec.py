@@ -32,7 +32,7 @@ def encode(raw: Array, scale: float) -> Array:
         grey = np.clip(np.asarray(raw, np.float32) / np.float32(scale), 0, 1)
         return np.repeat(grey, 3, axis=-1)
     magnitude = np.clip(np.hypot(raw[..., 0], raw[..., 1]) / scale, 0, 1)
-    return (magnitude[..., None] * _hue(raw)).astype(np.float32)
+    return np.asarray(magnitude[..., None] * _hue(raw), np.float32)
 
 
 def decode(video: Array, scale: float, channels: int) -> Array:
@@ -47,7 +47,9 @@ def decode(video: Array, scale: float, channels: int) -> Array:
 
 def _check(scale: float, channels: int) -> None:
     if not 0 < scale < np.inf:
-        raise ValueError(f"scale={scale} must be positive and finite: take codec.scale(raw), or the clip's from meta.json.")
+        raise ValueError(
+            f"scale={scale} must be positive and finite: take codec.scale(raw), or the clip's from meta.json."
+        )
     if channels not in (1, 2):
         raise ValueError(f"channels={channels}: only scalars (1) and vectors in the image plane (2) have an encoding.")
 
@@ -58,7 +60,7 @@ def _hue(vector: Array) -> Array:
     # harmless, because the wheel is periodic and closed, red at both ends.
     angle = np.mod(np.arctan2(-vector[..., 1], vector[..., 0], dtype=np.float64), 2 * np.pi)
     h = np.interp(angle, _KNOTS, _CORNERS)
-    return np.clip(np.stack([np.abs(h - 3) - 1, 2 - np.abs(h - 2), 2 - np.abs(h - 4)], axis=-1), 0, 1)
+    return np.asarray(np.clip(np.stack([np.abs(h - 3) - 1, 2 - np.abs(h - 2), 2 - np.abs(h - 4)], axis=-1), 0, 1))
 
 
 def _sextant(rgb: Array) -> Array:

@@ -34,7 +34,7 @@ def node_function(total: bool, grips: str, atomic: bool, real: Any) -> Any:
                 copies[s] = ti.Vector.zero(real, 4)
         mass = sum4[3]
         v = ti.Vector.zero(real, 3)
-        if mass > 1e-10 * K[DENSITY] * K[H] ** 3:  # lighter nodes carry nothing but round-off
+        if mass > 1e-12 * K[DENSITY] * K[H] ** 3:  # lighter nodes carry nothing but round-off
             v = ti.Vector([sum4[0], sum4[1], sum4[2]]) / mass
             g = ti.Vector([K[GX], K[GY], K[GZ]])
             if g.norm_sqr() > 0:

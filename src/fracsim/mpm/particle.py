@@ -62,10 +62,10 @@ def particle_function(law_name: str, damage_name: str, total: bool, grips: str, 
         return v, C, F_new
 
     @ti.func
-    def push(p, row, at, f, sx, sy, v, C, F_p, d, K: ti.template(), volume: ti.template(), tag: ti.template(),
-             copies: ti.template(), books: ti.template()):  # fmt: skip
+    def push(p, row, at, f, sx, sy, v, C, F_p, K: ti.template(), D: ti.template(), volume: ti.template(),
+             tag: ti.template(), copies: ti.template(), books: ti.template()):  # fmt: skip
         """Scatter momentum, its affine part and the impulse of the stress."""
-        mass = K[DENSITY] * volume[p]
+        mass, d = K[DENSITY] * volume[p], D[p]
         cof = cofactor(F_p)
         J = volume_ratio(F_p, cof)
         if J < J_MIN and d < 1:
@@ -91,23 +91,23 @@ def particle_function(law_name: str, damage_name: str, total: bool, grips: str, 
             v, C_p, F_p = V[p], C[p], F[p]
             if gathers:
                 v, C_p, F_p = move(p, row, step, at, f, sx, sy, K, U, F, D, volume, tag, grid, books, faults)
-            inside = True
-            if ti.static(not total):  # weights from the new position, which must be in the box
-                base, f = locate(p, K, X, U)
-                at = base[0] * sx + base[1] * sy + base[2]
-                top = ti.Vector([K[NX], K[NY], K[NZ]]) - 3
-                inside = base.min() >= 0 and (top - base).min() >= 0
-                if not inside:
-                    report_fault(faults, row, GRID_FAULT, p, step)
-            d = D[p]
-            leaves = not inside
+            stays = scatters
             if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
-                if d >= 1:
-                    leaves = True
+                if D[p] >= 1:
+                    stays = False
                     tally(books, row, RELEASED, K[DENSITY] * volume[p] * v.dot(v) / 2, atomic)
-            if scatters and not leaves:
-                push(p, row, at + shift, f, sx, sy, v, C_p, F_p, d, K, volume, tag, copies, books)
-            else:
+                if stays:
+                    push(p, row, at + shift, f, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
+            else:  # weights from the new position, which must be in the box
+                now, g = locate(p, K, X, U)
+                top = ti.Vector([K[NX], K[NY], K[NZ]]) - 3
+                if not (now.min() >= 0 and (top - now).min() >= 0):
+                    stays = False
+                    report_fault(faults, row, GRID_FAULT, p, step)
+                if stays:
+                    to = now[0] * sx + now[1] * sy + now[2] + shift
+                    push(p, row, to, g, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
+            if not stays:
                 V[p], C[p] = v, C_p
 
     return particle

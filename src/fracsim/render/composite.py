@@ -18,8 +18,9 @@ STOP = 1e-4
 @ti.func
 def pixels(low, high, first, end):
     """The range of pixels of first, ..., end - 1 whose centres lie in [low, high] [px], rounding on the safe side."""
-    start = ti.max(ti.cast(ti.ceil(low - 0.501), ti.i32), first)
-    return start, ti.min(ti.cast(ti.floor(high - 0.499), ti.i32) + 1, end)
+    # Bounded before the cast: the box of a huge Gaussian has no int32.
+    start, stop = ti.max(ti.ceil(low - 0.501), first), ti.min(ti.floor(high - 0.499) + 1, end)
+    return ti.cast(start, ti.i32), ti.cast(stop, ti.i32)
 
 
 @cache

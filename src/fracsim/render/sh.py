@@ -21,8 +21,9 @@ C3 = sqrt(35 / (32 * pi)), sqrt(105 / (4 * pi)), sqrt(21 / (32 * pi)), sqrt(7 / 
 
 
 @ti.func
-def basis(x, y, z, k: ti.template()):
-    """The k = 1, 4, 9 or 16 functions in the unit direction (x, y, z), order m = -l..l, Condon-Shortley phase."""
+def basis(d, k: ti.template()):
+    """The k = 1, 4, 9 or 16 functions in the unit direction d, order m = -l..l, Condon-Shortley phase."""
+    x, y, z = d
     Y = ti.Vector([0 * x] * k)
     Y[0] = C0
     if ti.static(k > 1):
@@ -40,21 +41,20 @@ def basis(x, y, z, k: ti.template()):
 
 @cache
 def evaluator(k: int, dtype: Any) -> Any:
-    """The kernel (sh [N, k, 3], unit directions [N, 3], out colour [N, 3]): max(0, 0.5 + sum of sh times basis)."""
+    """The kernel of max(0, 0.5 + sum of coefficients times basis)."""
 
     @ti.kernel
     def evaluate(
-        sh: ti.types.ndarray(dtype=dtype, ndim=3),  # [N, k, 3]
-        directions: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 3]
-        out: ti.types.ndarray(dtype=dtype, ndim=2),  # [N, 3]
+        sh: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=2),  # [N, k]
+        directions: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # [N] of any length
+        out: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # [N]
     ):
         for g in range(directions.shape[0]):
-            Y = basis(directions[g, 0], directions[g, 1], directions[g, 2], k)
-            for c in ti.static(range(3)):
-                value = dtype(0.5)
-                for i in ti.static(range(k)):
-                    value += Y[i] * sh[g, i, c]
-                out[g, c] = ti.max(value, 0)
+            Y = basis(directions[g].normalized(), k)
+            value = ti.Vector.one(dtype, 3) / 2
+            for i in ti.static(range(k)):
+                value += Y[i] * sh[g, i]
+            out[g] = ti.max(value, 0)
 
     return evaluate
 
@@ -68,7 +68,6 @@ def colour(sh: Array, directions: Array) -> Array:
     n, k = sh.shape[:2]
     if k not in (1, 4, 9, 16):
         raise ValueError(f"sh has {k} coefficients a Gaussian: give 1, 4, 9 or 16 (degree 0 to 3).")
-    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     out = np.empty((n, 3), sh.dtype)
-    evaluator(k, to_taichi_type(sh.dtype))(np.ascontiguousarray(sh), np.ascontiguousarray(unit, sh.dtype), out)
+    evaluator(k, to_taichi_type(sh.dtype))(np.ascontiguousarray(sh), np.ascontiguousarray(directions, sh.dtype), out)
     return out

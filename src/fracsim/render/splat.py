@@ -94,7 +94,8 @@ def colours(view: View, means: Array, sh: Array, R: Array) -> Array:
     Directions from the eye are turned back by R^T (see `fracsim.render.sh`). Raises ValueError unless K is 1, 4, 9
     or 16.
     """
-    return harmonics.colour(sh, np.einsum("nji,nj->ni", R, means - view.eye))
+    from_eye = means - view.eye.astype(means.dtype)
+    return harmonics.colour(sh, np.einsum("nji,nj->ni", R, from_eye))
 
 
 def visibility(view: View, median: Array, points: Array, tolerance: float) -> Array:

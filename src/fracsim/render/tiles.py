@@ -69,7 +69,7 @@ def fill(
 @ti.func
 def part(c, n):
     """Where chunk c of n items starts."""
-    return ti.cast(ti.cast(c, ti.i64) * n // CHUNKS, ti.i32)
+    return ti.min(c * ((n + CHUNKS - 1) // CHUNKS), n)
 
 
 def starts(table: Array) -> tuple[Array, Array]:

@@ -1,7 +1,6 @@
 """The sample on disk: one folder with colour, maps, tracks and everything needed to make it again; no Taichi here.
 
-    sample = fracsim.sample.read("outputs/1a2b3c4d5e6f")
-    sample.rgb, sample.maps["stress"], sample.tracks.xy
+`sample = read("outputs/1a2b3c4d5e6f")` opens one: `sample.rgb`, `sample.maps["stress"]`, `sample.tracks.xy`.
 """
 
 from fracsim.sample.folder import find

@@ -18,7 +18,7 @@ def find(scene: Scene) -> Path | None:
 
 def root(scene: Scene) -> Path:
     """The folder in which samples of this scene are made."""
-    return Path(scene.output.folder).expanduser()
+    return Path(scene.output.folder).expanduser().absolute()
 
 
 def is_whole(folder: Path) -> bool:

@@ -30,4 +30,4 @@ def dequantise(codes: Array, lo: float, hi: float) -> Array:
     if hi <= lo:
         return np.zeros(codes.shape, np.float32)
     step = (hi - lo) / LEVELS
-    return ((codes.astype(np.int32) - round(-lo / step)) * np.float32(step)).astype(np.float32)
+    return np.asarray((codes.astype(np.int32) - round(-lo / step)) * np.float32(step), np.float32)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class Sample:
     @cached_property
     def alpha(self) -> Array:
         """How much of each pixel the object covers, in [0, 1], [T, H, W] float32."""
-        return self._decode(schema.ALPHA, "gray16") / np.float32(LEVELS)
+        return np.asarray(self._decode(schema.ALPHA, "gray16") / np.float32(LEVELS))
 
     @cached_property
     def maps(self) -> Maps:
@@ -114,24 +115,25 @@ class Sample:
         width, height = self.meta["size"]
         frames = decode(self._file(name), width, height * stacked, codec, self.frames)
         if len(frames) < self.frames:
-            raise ValueError(f"{self.path / name} is damaged: {len(frames)} of its {self.frames} frames can be decoded. "
+            raise ValueError(f"{self.path / name} is damaged: {len(frames)} of {self.frames} frames can be decoded. "
                              "Make the sample again, or read it with allow_incomplete=True.")  # fmt: skip
         return frames
 
     def _arrays(self, name: str) -> Any:
+        path = self._file(name)
         try:
-            return np.load(self._file(name))
-        except (OSError, EOFError, ValueError) as error:
-            raise ValueError(f"{self.path / name} cannot be read: {error}") from None
+            return np.load(path)
+        except (OSError, EOFError, ValueError, BadZipFile) as error:
+            raise ValueError(f"{path} is damaged: {error}. Make the sample again.") from None
 
     def _file(self, name: str) -> Path:
         if not (self.path / name).is_file():
-            raise ValueError(f"{self.path} has no {name}: its scene did not ask for it, or the file is lost.")
+            raise ValueError(f"{self.path} has no {name}: its scene did not ask for it, or it was not finished.")
         return self.path / name
 
 
 def read(path: Path | str, allow_incomplete: bool = False) -> Sample:
-    """Open the sample in the folder `path`; with `allow_incomplete` also one that was never finished, or has lost files.
+    """Open the sample in the folder `path`; with `allow_incomplete` also an unfinished or damaged one.
 
     Raises ValueError when it is no sample, of another schema version, incomplete, or misses files.
     """
@@ -162,7 +164,8 @@ def verify(path: Path | str) -> list[str]:
         problems = [] if meta["complete"] else [f"incomplete: {meta['reason']}"]
         if schema.sample_id(schema.load_scene(folder / schema.SCENE), meta["asset_sha256"]) != meta["id"]:
             problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
-        return problems + _differences(meta["files"], schema.inventory(folder))
+        # The files of a sample that was never finished are not listed.
+        return problems + (_differences(meta["files"], schema.inventory(folder)) if meta["files"] else [])
     except (ValueError, OSError) as error:
         return [str(error)]
     except (KeyError, TypeError) as error:
@@ -193,4 +196,4 @@ def _readable(folder: Path, meta: dict[str, Any]) -> int:
     """Frames that are whole in every video of a damaged or unfinished sample."""
     videos = [schema.RGB] * meta["rgb"] + [schema.map_file(name) for name in meta["maps"]]
     videos += [schema.ALPHA] if videos else []
-    return min([meta["frames"], *(count(folder / name) for name in videos)])
+    return min([int(meta["frames"]), *(count(folder / name) for name in videos)])

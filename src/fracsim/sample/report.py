@@ -84,7 +84,8 @@ def _mark(axes: Axes, history: History, broken: int | None) -> None:
 
 
 def _tidy(axes: Axes) -> None:
-    if not any(len(np.asarray(line.get_xdata())) > 2 for line in axes.lines):
+    curves = [line for line in axes.lines if line.get_transform() == axes.transData]
+    if not any(len(np.asarray(line.get_xdata())) for line in curves):
         axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", color=GREY)
     axes.grid(color="#e4e4e4", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)

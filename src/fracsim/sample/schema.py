@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ def _numbers(value: Any) -> Any:
         return {k: _numbers(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [_numbers(v) for v in value]
-    return value if isinstance(value, (str, bool)) else float(value) + 0.0
+    return value if isinstance(value, (str, bool, type(None))) else float(value) + 0.0
 
 
 def asset_digest(scene: Scene) -> str:
@@ -103,10 +104,18 @@ def load_scene(path: Path) -> Scene:
 
 def write_meta(folder: Path, meta: dict[str, Any]) -> None:
     """Write meta.json at once: a reader sees the old or the new one, never a part."""
-    lines = [f"{json.dumps(k)}: {json.dumps(plain(v), indent=None if k == 'ranges' else 1)}" for k, v in meta.items()]
     fresh = folder / f"{META}.new"
-    fresh.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    fresh.write_text(_lines(plain(meta), 3) + "\n", encoding="utf-8")
     os.replace(fresh, folder / META)
+
+
+def _lines(value: Any, depth: int) -> str:
+    """JSON with a line for each entry of the outer `depth` dictionaries, so that people can read it."""
+    if not isinstance(value, dict) or not value or depth == 0:
+        return json.dumps(value)
+    indent = "  " * (4 - depth)
+    entries = (f"{indent}{json.dumps(k)}: {_lines(v, depth - 1)}" for k, v in value.items())
+    return "{\n" + ",\n".join(entries) + f"\n{indent[2:]}}}"
 
 
 def read_meta(folder: Path) -> dict[str, Any]:
@@ -131,7 +140,7 @@ def plain(value: Any) -> Any:
     """A value as JSON can hold it: arrays as lists, records as dicts, numbers that are not finite as null."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]

@@ -20,7 +20,8 @@ WIDEST = 320
 """Panels are reduced by a whole factor until they are no wider [px]."""
 HEADER, GAP = 24, 4
 """Height of the labels and width of the space between panels [px]."""
-COLOURS = ("viridis", "inferno", "cividis", "plasma")
+GREY = "#606060"
+COLOURS = ("viridis", "inferno", "plasma", "cividis")
 """Matplotlib colour maps of the scalar maps, in turn."""
 FAINT = np.float32(0.05)
 """Coverage below which a pixel is too faint to be measured."""
@@ -100,18 +101,16 @@ class Strip:
         self._scratch_path.unlink(missing_ok=True)
 
     def _header(self, width: int, height: int, scales: dict[str, float]) -> Image.Image:
-        """A white picture with the names of the panels and what their full colours mean."""
+        """A white picture with lines between the panels, their names, and what their full colours mean."""
         picture = Image.new("RGB", (width, height), "white")
-        draw, font = ImageDraw.Draw(picture), _font()
-        step, x = self._shape[1] + GAP, GAP
-        if self._rgb:
-            draw.text((x + 4, 4), "rgb", fill="black", font=font)
-            x += step
-        for panel in self._panels:
-            draw.text((x + 4, 4), panel.label, fill="black", font=font)
-            full = f"0 to {scales[panel.name]:.3g}{'' if panel.unit == '1' else ' ' + panel.unit}"
-            draw.text((x + step - 8, 4), full, fill="#606060", font=font, anchor="ra")
-            x += step
+        draw, step = ImageDraw.Draw(picture), self._shape[1] + GAP
+        texts = [("rgb", "")] if self._rgb else []
+        texts += [(panel.label, f"0 to {amount(scales[panel.name], panel.unit)}") for panel in self._panels]
+        for k, (label, full) in enumerate(texts):
+            draw.text((GAP + k * step + 4, 4), label, fill="black", font=_font())
+            draw.text(((k + 1) * step - 4, 4), full, fill=GREY, font=_font(), anchor="ra")
+            if k:
+                draw.line([k * step + GAP // 2, 0, k * step + GAP // 2, height], fill="#d8d8d8")
         return picture
 
     def _tiles(self, ranges: list[tuple[float, float]], scales: dict[str, float]) -> list[Array]:
@@ -132,10 +131,20 @@ class Strip:
         return np.frombuffer(self._scratch.read(size), dtype=kind).reshape(shape)
 
 
+def amount(value: float, unit: str) -> str:
+    """A value with three digits and its unit, as 4.87 kPa."""
+    if unit == "1":
+        return f"{value:.3g}"
+    for prefix, factor in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if value >= factor:
+            return f"{value / factor:.3g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"
+
+
 def scalar(planes: Array, colours: str) -> Array:
     """Colours 0..255 of values in [0, 1], planes [C, H, W] to [H, W, 3]; several channels show their length."""
     length = planes[0] if len(planes) == 1 else np.linalg.norm(planes, axis=0)
-    return _table(colours)[(np.clip(length, 0, 1) * 255).astype(np.uint8)]
+    return np.asarray(_table(colours)[(np.clip(length, 0, 1) * 255).astype(np.uint8)])
 
 
 def vectors(planes: Array) -> Array:
@@ -152,7 +161,7 @@ def _table(name: str) -> Array:
     """256 colours, [256, 3] float32 in 0..255."""
     from matplotlib import colormaps  # here, because matplotlib takes long to load
 
-    return (colormaps[name](np.arange(256))[:, :3] * 255).astype(np.float32)
+    return np.asarray(colormaps[name](np.arange(256))[:, :3] * 255, np.float32)
 
 
 @cache
@@ -162,5 +171,5 @@ def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 def _stamped(header: Image.Image, text: str) -> Array:
     picture = header.copy()
-    ImageDraw.Draw(picture).text((GAP + 40, 4), text, fill="#606060", font=_font())
+    ImageDraw.Draw(picture).text((GAP + 40, 4), text, fill=GREY, font=_font())
     return np.array(picture)

@@ -7,9 +7,11 @@ full disk would pass for a finished file.
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
+from io import BufferedReader
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from imageio_ffmpeg import get_ffmpeg_exe
@@ -38,7 +40,7 @@ class Encoder:
     def __init__(self, path: Path, width: int, height: int, codec: str) -> None:
         pixels, options = CODECS[codec]
         self.path = path
-        self._said = tempfile.TemporaryFile()  # a pipe that nobody reads could fill and block
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115  # a pipe that nobody reads could fill and block
         command = [get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", pixels,
                    "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", *options, str(path)]  # fmt: skip
         # A session of its own: Ctrl-C at the terminal must not end the encoder before its last frame.
@@ -49,7 +51,7 @@ class Encoder:
         """Append a frame; raises OSError with the encoder's words when it has ended."""
         assert self._process.stdin is not None
         try:
-            self._process.stdin.write(memoryview(np.ascontiguousarray(frame)).cast("B"))
+            self._process.stdin.write(np.ascontiguousarray(frame).data.cast("B"))
         except OSError:
             self.close()
             raise OSError(f"the encoder of {self.path.name} ended early") from None
@@ -59,13 +61,11 @@ class Encoder:
         if self._said.closed:
             return
         assert self._process.stdin is not None
-        try:
+        with suppress(OSError):  # it has ended already, and says below why
             self._process.stdin.close()
-        except OSError:
-            pass  # it has ended already, and says below why
         code = self._process.wait()
         self._said.seek(0)
-        words = self._said.read().decode(errors="replace").strip()
+        words = self._said.read().decode(errors="replace").strip().partition("\n")[0].rpartition("] ")[2]
         self._said.close()
         if code != 0:
             raise OSError(f"the encoder of {self.path.name} ended with status {code}: {words or 'it said nothing'}")
@@ -88,9 +88,9 @@ def decode(path: Path, width: int, height: int, codec: str, frames: int) -> Arra
     out = np.empty((frames, height, width, *tail), dtype)
     command = _reading(path, "-frames:v", str(max(frames, 1)), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        assert process.stdout is not None
-        got = process.stdout.readinto(memoryview(out).cast("B")) if frames else 0  # type: ignore[attr-defined]
-        process.stdout.close()
+        stream = cast(BufferedReader, process.stdout)
+        got = stream.readinto(out.data.cast("B")) if frames else 0
+        stream.close()  # nothing more is wanted, and ffmpeg must not wait
     return out[: got // max(out[:1].nbytes, 1)]
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import ModuleType, TracebackType
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -55,7 +55,8 @@ class Writer:
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
         self._strip: Strip | None = None
-        self._meta = {
+        self._journal: TextIO | None = None
+        self._meta: dict[str, Any] = {
             "schema": schema.VERSION, "id": self.id, "complete": False,
             "reason": "it is still being written, or its process was killed",
             "frames": 0, "fps": scene.capture.fps, "size": list(view_size), "rgb": rgb,
@@ -65,12 +66,15 @@ class Writer:
         }  # fmt: skip
         self.folder = claim(scene, self.id, self._estimate())
         """Where the sample lies while it is written; other files put here become part of it."""
+        self._open = True
         try:
             self._begin()
         except OSError as error:
             self._give_up(error)
             raise self._explained(error) from error
-        self._open = True
+        except BaseException as error:
+            self._give_up(error)
+            raise
 
     @property
     def _pictures(self) -> bool:
@@ -134,6 +138,7 @@ class Writer:
             if self._strip is not None and alpha is not None:
                 self._strip.add(rgb, alpha, planes)
             # Last, so that a frame counts only when all of it has been handed over.
+            assert self._journal is not None
             self._journal.write(json.dumps({name: ranges for name, (_, ranges) in coded.items()}) + "\n")
             self._journal.flush()
         except OSError as error:
@@ -173,7 +178,9 @@ class Writer:
         """
         assert not complete or self.frames == self._scene.capture.frames, f"only {self.frames} frames were added"
         try:
-            self._close_encoders()
+            failure = self._close_encoders()
+            if failure and complete:  # else the reader finds out which frames are whole
+                raise failure
             self._save_tracks()
             self._save_summaries(report, history)
             self._seal(complete, "" if complete else reason or "it was stopped early", report, seconds)
@@ -182,17 +189,16 @@ class Writer:
         self._open = False
         return publish(self.folder, self.id, self._scene.output.overwrite) if complete else shelve(self.folder, self.id)
 
-    def _close_encoders(self) -> None:
-        """Finish all videos, also when one of them fails; the reserve is spent on what follows."""
-        failures = []
+    def _close_encoders(self) -> OSError | None:
+        """Finish all videos and return the first failure; the reserve is given up for what follows."""
+        failures: list[OSError] = []
         for encoder in self._encoders.values():
             try:
                 encoder.close()
             except OSError as error:
                 failures.append(error)
         (self.folder / _RESERVE).unlink(missing_ok=True)
-        if failures:
-            raise failures[0]
+        return failures[0] if failures else None
 
     def _save_tracks(self) -> None:
         if self._tracks:
@@ -216,9 +222,7 @@ class Writer:
 
     def _seal(self, complete: bool, reason: str, report: Mapping[str, Any], seconds: Mapping[str, float]) -> None:
         """Write the last meta.json; nothing in the folder changes after it."""
-        if self._strip is not None:
-            self._strip.close()
-        self._journal.close()
+        self._close_scratch()
         for name, about in self._meta["maps"].items():
             about["largest"] = self._largest[name]
             about["scale"] = self._modules[name].SCALE or self._largest[name]
@@ -227,23 +231,37 @@ class Writer:
             "files": schema.inventory(self.folder), "ranges": self._ranges,
         }  # fmt: skip
         schema.write_meta(self.folder, self._meta)
-        (self.folder / schema.JOURNAL).unlink()
+        (self.folder / schema.JOURNAL).unlink(missing_ok=True)
+
+    def _close_scratch(self) -> None:
+        if self._strip is not None:
+            self._strip.close()
+        if self._journal is not None:
+            self._journal.close()
 
     def _give_up(self, error: BaseException | None) -> None:
-        """Keep what there is as incomplete, on a disk that may be full."""
+        """Keep the frames there are as incomplete, on a disk that may be full; without any, leave nothing."""
         self._open = False
         reason = f"{type(error).__name__}: {error}" if error else "its writer was left before the end"
-        for step in (self._close_encoders, self._save_tracks, lambda: self._seal(False, reason, {}, {})):
+        with suppress(OSError):
+            self._close_scratch()  # first, for its space may let the encoders end well
+        with suppress(OSError):
+            self._close_encoders()
+        if self.frames:
             with suppress(OSError):
-                step()
-        shelve(self.folder, self.id)
+                self._save_tracks()
+            with suppress(OSError):
+                self._seal(False, reason, {}, {})
+            shelve(self.folder, self.id)
+        else:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     def _explained(self, error: OSError) -> OSError:
         free = shutil.disk_usage(self.folder.parent).free / 1e6
+        kept = f" What was written is kept as {self.id}.incomplete." if self.frames else ""
         return OSError(
             f"output.folder={self._scene.output.folder}: writing failed after {self.frames} frames ({error}); "
-            f"{free:.0f} MB are free there. Free some space or set output.folder to another disk, then run again. "
-            f"What was written is kept as {self.id}.incomplete."
+            f"{free:.0f} MB are free there. Free some space or set output.folder to another disk, then run again.{kept}"
         )
 
     def __enter__(self) -> "Writer":

@@ -1,8 +1,8 @@
 """The built-in objects, one module each: `distance`, `colour`, `BOUNDS` and `CLASS`, in pure NumPy.
 
-Object coordinates: x right, y up, the picture is seen from +z looking along -z; the largest extent is about 1.
-`distance(P: [N, 3]) -> [N]` is negative inside; `colour(P: [N, 3], depth: [N]) -> [N, 3]` is sRGB in [0, 1], where
-`depth` is the distance below the surface in object units; `BOUNDS` is an axis-aligned box that holds the surface.
+Object coordinates: x right, y up, seen from +z looking along -z; the largest extent is about 1 (the bar's is 0.6).
+`distance(P: [N, 3]) -> [N]` is negative inside; `colour(P: [N, 3], depth: [N]) -> [N, 3]` is sRGB in [0, 1], `depth`
+being the distance below the surface in object units; `BOUNDS` is an axis-aligned box that holds the surface.
 """
 
 import pkgutil

@@ -41,4 +41,4 @@ def _grid(P: Array) -> Array:
     off = np.where(np.abs(P) > vector(HALF, P) - 1.5 * LINE, 1.0, off)
     line = 1 - smoothstep(LINE - 0.002, LINE, off.min(axis=0))
     tones = texture.mix(LIGHT, DARK, chequer.astype(np.float32))
-    return texture.mix(tones, INK, line) * texture.mottle(P * 1.6, 0.06, 9)
+    return texture.marble(texture.mix(tones, INK, line), P * 1.6, 0.30, 9)

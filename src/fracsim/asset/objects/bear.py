@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, sphere, union
+from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, hypot, in_blocks, mirror, smoothstep, sphere, union
 
-BOUNDS = ((-0.50, -0.56, -0.25), (0.50, 0.56, 0.30))
+BOUNDS = ((-0.52, -0.56, -0.25), (0.52, 0.56, 0.30))
 CLASS = "high_stretch"
 
 BROWN, DEEP = texture.rgb(0.76, 0.49, 0.25), texture.rgb(0.58, 0.34, 0.15)
@@ -65,7 +65,7 @@ def _paint(P: Array) -> Array:
         paint = texture.mix(paint, tone, weight)
     paint = _face(Q, paint)
     paint = texture.mix(paint, texture.mix(RED, WHITE, _dots(Q)), smoothstep(0.012, 0.002, _bow(Q)))
-    return paint * texture.mottle(P, 0.08, 103)
+    return texture.marble(paint, P, 0.15, 103)
 
 
 def _patches(Q: Array) -> list[tuple[Array, Array]]:
@@ -85,7 +85,7 @@ def _face(Q: Array, paint: Array) -> Array:
     """Eyes with a glint, blush, nose and mouth."""
     front = smoothstep(0.05, 0.08, Q[2])
     x, y = Q[0], Q[1]
-    mouth = np.abs(np.hypot(x - 0.038, y - 0.150) - 0.038)
+    mouth = np.abs(hypot(x - 0.038, y - 0.150) - 0.038)
     line = smoothstep(0.013, 0.005, mouth) * (y < 0.150) + smoothstep(0.012, 0.005, x) * (y > 0.13) * (y < 0.21)
     paint = texture.mix(paint, PINK, 0.6 * front * texture.disc(x - 0.175, y - 0.185, (0.055, 0.042), 0.035))
     paint = texture.mix(paint, BLACK, np.clip(line, 0, 1) * smoothstep(0.2, 0.22, Q[2]))

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, ellipsoid, in_blocks, smoothstep, tilt, union, unsqueeze
+from fracsim.asset.objects.shapes import Array, ellipsoid, hypot, in_blocks, smoothstep, tilt, union, unsqueeze
 
 BOUNDS = ((-0.53, -0.51, -0.26), (0.53, 0.47, 0.23))
 CLASS = "low_stretch"
@@ -47,13 +47,14 @@ def _cross(Q: Array) -> Array:
     for along, across in ((a, b), (b, a)):
         inside = 0.075 * (1 - np.square(along / 0.40)) - np.abs(across)
         groove = np.maximum(groove, smoothstep(0.0, 0.065, inside))
-    return groove * smoothstep(0.0, 0.12, Q[1])
+    out: Array = groove * smoothstep(0.0, 0.12, Q[1])
+    return out
 
 
 def _crust(P: Array) -> Array:
     """Golden flanks, browner shoulders, pale torn cuts, flour caught on the top."""
     Q = tilt(P, LEAN, SQUEEZE)
-    cut, radius = _cross(Q), np.hypot(Q[0], Q[2])
+    cut, radius = _cross(Q), hypot(Q[0], Q[2])
     blotch = noise.fractal(Q, 7, 54, octaves=4)
     bake = 0.50 + 0.35 * smoothstep(0.0, 0.25, Q[1]) + 0.22 * blotch - 0.25 * smoothstep(-0.02, -0.2, Q[1])
     torn = 0.05 + 0.35 * np.abs(noise.fractal(Q, 20, 55))
@@ -63,4 +64,4 @@ def _crust(P: Array) -> Array:
     dust = noise.fractal(Q, 16, 56) + 0.8 * blotch + 0.25
     flour = smoothstep(0.0, 0.9, dust) * smoothstep(0.05, 0.25, Q[1]) * (1 - smoothstep(0.15, 0.4, cut))
     flour = flour * smoothstep(0.48, 0.30, radius)
-    return texture.mix(crust, FLOUR, 0.75 * flour) * texture.mottle(Q, 0.07, 57)
+    return texture.marble(texture.mix(crust, FLOUR, 0.75 * flour), Q, 0.20, 57)

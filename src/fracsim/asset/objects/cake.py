@@ -3,10 +3,21 @@
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, cylinder, fold_angle, in_blocks, smoothstep, sphere, tilt, union
-from fracsim.asset.objects.shapes import ellipsoid, unsqueeze
+from fracsim.asset.objects.shapes import (
+    Array,
+    cylinder,
+    ellipsoid,
+    fold_angle,
+    hypot,
+    in_blocks,
+    smoothstep,
+    sphere,
+    tilt,
+    union,
+    unsqueeze,
+)
 
-BOUNDS = ((-0.54, -0.50, -0.38), (0.54, 0.50, 0.33))
+BOUNDS = ((-0.54, -0.53, -0.38), (0.54, 0.50, 0.33))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 28.0, 0.6
@@ -56,7 +67,8 @@ def _swirls(Q: Array) -> Array:
     R = _places(Q)
     flute = 0.004 * np.cos(8 * np.arctan2(R[0], R[2]))
     foot = ellipsoid(R, (0, TOP + 0.018, 0), (0.105, 0.045, 0.105))
-    return union(foot, ellipsoid(R, (0, TOP + 0.065, 0), (0.078, 0.04, 0.078)), 0.01) + flute
+    out: Array = union(foot, ellipsoid(R, (0, TOP + 0.065, 0), (0.078, 0.04, 0.078)), 0.01) + flute
+    return out
 
 
 def _cherries(Q: Array) -> Array:
@@ -73,8 +85,10 @@ def _shells(Q: Array) -> Array:
 def _drip(Q: Array) -> Array:
     """Height above the lower edge of the icing: drips of uneven length round the side, [N]."""
     angle = np.arctan2(Q[0], Q[2])
-    length = 0.075 + 0.055 * np.cos(13 * angle + 1.1 * np.sin(3 * angle)) * (0.75 + 0.35 * np.cos(5 * angle + 1))
-    return Q[1] - (TOP - 0.06) + length
+    wave = 0.055 * np.cos(13 * angle + 1.1 * np.sin(3 * angle)) * (0.75 + 0.35 * np.cos(5 * angle + 1))
+    length = 0.075 + wave * smoothstep(0.2, 0.4, hypot(Q[0], Q[2]))
+    out: Array = Q[1] - (TOP - 0.06) + length
+    return out
 
 
 def _iced(Q: Array) -> Array:
@@ -87,7 +101,7 @@ def _outside(Q: Array) -> Array:
     near, own = noise.cells(Q, 13, 82)
     top = smoothstep(TOP - 0.03, TOP, Q[1])
     sprinkle = smoothstep(0.34, 0.24, near) * top
-    icing = ICING * texture.mottle(Q, 0.035, 83)
+    icing = texture.marble(ICING, Q, 0.20, 83)
     icing = texture.mix(icing, SPRINKLES[:, (own * 997).astype(np.int64) % 4], sprinkle)
     return texture.mix(_layers(Q) * texture.rgb(0.97, 0.92, 0.86), icing, smoothstep(0.3, 0.7, _iced(Q)))
 

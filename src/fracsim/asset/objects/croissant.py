@@ -3,7 +3,7 @@
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, in_blocks, smoothstep
+from fracsim.asset.objects.shapes import Array, hypot, in_blocks, smoothstep
 
 BOUNDS = ((-0.52, -0.41, -0.24), (0.52, 0.50, 0.24))
 CLASS = "low_stretch"
@@ -35,9 +35,9 @@ def _solid(P: Array) -> Array:
     off, along, reach = _roll(P)
     ridge = _ridge(_phase(P, along, reach) % 1.0) * (1 - smoothstep(0.85, 0.97, along))
     radius = THICK - (THICK - THIN) * along**1.5
-    # Near the circle's centre the angle turns too fast for a distance: there the roll is taken as even.
-    even, smooth = smoothstep(0.04, 0.18, reach), smoothstep(0.10, 0.26, reach)
-    return 0.83 * (off - THIN - even * (radius - THIN) - smooth * ridge)
+    # Near the circle's centre the angle turns too fast for a distance: there the roll is taken as thick and even.
+    taper, swell = smoothstep(0.04, 0.18, reach), smoothstep(0.10, 0.26, reach)
+    return 0.83 * (off - THICK - taper * (radius - THICK) - swell * ridge)
 
 
 def _roll(P: Array) -> tuple[Array, Array, Array]:
@@ -45,18 +45,19 @@ def _roll(P: Array) -> tuple[Array, Array, Array]:
     x, y = np.abs(P[0]), P[1] - CENTRE_Y
     angle = np.minimum(np.arctan2(x, y), SPAN)
     u, v = x - RADIUS * np.sin(angle), y - RADIUS * np.cos(angle)
-    return np.sqrt(u * u + v * v + P[2] ** 2), angle / SPAN, np.hypot(x, y)
+    return np.sqrt(u * u + v * v + P[2] ** 2), angle / SPAN, hypot(x, y)
 
 
 def _phase(P: Array, along: Array, reach: Array) -> Array:
     """Segments counted from the crown; the seams lean outwards and waver."""
     slant = np.clip((reach - RADIUS) / THICK, -1, 1)
-    return 0.5 + SEGMENTS * along + 0.10 * slant * slant + 0.05 * noise.value(P, 7, 11)
+    out: Array = 0.5 + SEGMENTS * along + 0.10 * slant * slant + 0.05 * noise.value(P, 7, 11)
+    return out
 
 
 def _ridge(f: Array) -> Array:
     """Height of the roll's surface over a segment's course `f`: it swells, then drops at the lip."""
-    return 0.028 * smoothstep(-0.3, 0.7, f) * (1 - smoothstep(0.72, 1.0, f)) - 0.008
+    return 0.028 * smoothstep(-0.02, 0.6, f) * (1 - smoothstep(0.72, 1.0, f)) - 0.008
 
 
 def _crust(P: Array) -> Array:
@@ -67,8 +68,9 @@ def _crust(P: Array) -> Array:
     leaves = np.sin(2 * np.pi * (6 * phase + 0.8 * noise.value(P, 9, 21)))
     blotch = noise.fractal(P, 8, 22, octaves=3)
     bake = 0.15 + 0.75 * smoothstep(0.05, 0.75, f) * (1 - 0.55 * smoothstep(0.9, 1.0, f)) + 0.22 * blotch
+    bake = bake + 0.45 * smoothstep(0.86, 0.97, f) - 0.15 * smoothstep(0.10, 0.0, f)
     bake = bake + 0.12 * leaves * (1 - 0.6 * f) + 0.12 * along
-    return texture.ramp(bake, (0.0, 0.35, 0.75, 1.15), (PALE, GOLD, BROWN, DARK)) * texture.mottle(P, 0.05, 23)
+    return texture.marble(texture.ramp(bake, (0.0, 0.35, 0.75, 1.15), (PALE, GOLD, BROWN, DARK)), P, 0.15, 23)
 
 
 def _inside(P: Array) -> Array:

@@ -52,7 +52,7 @@ def _head(Q: Array) -> Array:
 def _wing(Q: Array) -> Array:
     """Wing that lies on the flank, its tip raised to the tail."""
     flat = Q * vector((1, 1, 2.2), Q)
-    return 0.8 * capsule(flat, (0.02, -0.12, 0.52), (0.28, -0.02, 0.46), 0.125, 0.055)
+    return 0.62 * capsule(flat, (0.03, -0.12, 0.50), (0.29, -0.01, 0.45), 0.145, 0.070)
 
 
 def _beak(Q: Array) -> Array:
@@ -71,7 +71,7 @@ def _paint(Q: Array) -> Array:
     paint = texture.mix(paint, BLUSH, 0.7 * texture.disc(Q[0] + 0.20, Q[1] - 0.165, (0.07, 0.055), 0.05))
     beak = texture.mix(ORANGE, BLACK, 0.55 * smoothstep(0.014, 0.004, np.abs(Q[1] - 0.170 - 0.1 * (Q[0] + 0.41))))
     paint = texture.mix(paint, beak, smoothstep(0.010, 0.0, _beak(Q)))
-    return _eye(Q, paint * texture.mottle(Q, 0.07, 94))
+    return _eye(Q, texture.marble(paint, Q, 0.22, 94))
 
 
 def _eye(Q: Array, paint: Array) -> Array:

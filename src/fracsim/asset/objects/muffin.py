@@ -5,9 +5,21 @@ import functools
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, box2, ellipsoid, in_blocks, norm, smoothstep, tilt, union, unsqueeze, vector
+from fracsim.asset.objects.shapes import (
+    Array,
+    box2,
+    ellipsoid,
+    hypot,
+    in_blocks,
+    norm,
+    smoothstep,
+    tilt,
+    union,
+    unsqueeze,
+    vector,
+)
 
-BOUNDS = ((-0.54, -0.53, -0.30), (0.54, 0.47, 0.34))
+BOUNDS = ((-0.53, -0.55, -0.30), (0.53, 0.47, 0.34))
 CLASS = "low_stretch"
 
 LEAN, SQUEEZE = 20.0, 0.6
@@ -38,20 +50,21 @@ def colour(P: Array, depth: Array) -> Array:
 def _round(V: Array) -> Array:
     """Distance in unsqueezed view coordinates."""
     Q = tilt(V, LEAN, 1.0)
-    return 0.92 * union(_cup(Q), _dome(Q) - 0.022 * _chip(Q), 0.02)
+    return 0.92 * union(_cup(Q), _dome(Q) - 0.020 * _chip(Q), 0.02)
 
 
 def _cup(Q: Array) -> Array:
     """Pleated frustum that widens upwards."""
-    radius, height = np.hypot(Q[0], Q[2]), Q[1]
-    pleat = 0.011 * np.cos(PLEATS * np.arctan2(Q[0], Q[2])) * smoothstep(0.1, 0.25, radius)
+    radius, height = hypot(Q[0], Q[2]), Q[1]
+    pleat = 0.011 * np.cos(PLEATS * np.arctan2(Q[0], Q[2])) * smoothstep(0.15, 0.30, radius)
     return 0.95 * box2(radius - 0.16 * (height + 0.22) - pleat, height + 0.20, (0.345, 0.25), 0.03)
 
 
 def _dome(Q: Array) -> Array:
     """The top that rose over the rim, lumpy and cracked."""
     swell = 0.020 * noise.value(Q, 5.5, 61)
-    return ellipsoid(Q, (0, 0.11, 0), (0.49, 0.31, 0.49)) + swell + 0.018 * _crack(Q)
+    out: Array = ellipsoid(Q, (0, 0.11, 0), (0.49, 0.31, 0.49)) + swell + 0.018 * _crack(Q)
+    return out
 
 
 def _crack(Q: Array) -> Array:
@@ -64,7 +77,7 @@ def _chip(Q: Array) -> Array:
     d = (Q - vector((0, 0.08, 0), Q)) / vector((0.495, 0.34, 0.495), Q)
     nearest = functools.reduce(np.maximum, (c[0] * d[0] + c[1] * d[1] + c[2] * d[2] for c in CHIPS.tolist()))
     nearest = nearest / np.maximum(norm(d), 1e-3)
-    return smoothstep(0.9905, 0.9965, nearest) * smoothstep(0.02, 0.06, Q[1])
+    return smoothstep(0.988, 0.997, nearest) * smoothstep(0.02, 0.06, Q[1]) * smoothstep(0.4, 0.8, norm(d))
 
 
 def _outside(P: Array) -> Array:
@@ -85,7 +98,7 @@ def _crust(Q: Array) -> Array:
     """Browned top, pale in the clefts, with chocolate chips."""
     blotch, crack = noise.fractal(Q, 8, 67, octaves=4), _crack(Q)
     bake = 0.45 + 0.40 * smoothstep(0.10, 0.38, Q[1]) + 0.30 * blotch - 0.28 * crack
-    crust = texture.ramp(bake, (0.0, 0.40, 0.85, 1.2), (PALE, GOLD, BROWN, DARK)) * texture.mottle(Q, 0.06, 68)
+    crust = texture.marble(texture.ramp(bake, (0.0, 0.40, 0.85, 1.2), (PALE, GOLD, BROWN, DARK)), Q, 0.20, 68)
     return texture.mix(crust, CHOCOLATE * texture.mottle(Q, 0.12, 69), smoothstep(0.05, 0.2, _chip(Q)))
 
 

@@ -1,15 +1,14 @@
 """Seeded procedural noise on points: value noise, its fractal sum, and jittered cells; no global random state."""
 
 import functools
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating[Any]]
+from fracsim.asset.objects.shapes import Array
 
-PERIOD = 64  # lattice points along an axis before the noise repeats: one table is 1 MiB and stays in the cache
-# A fixed rotation (a unit quaternion), so that no lattice plane lines up with a coordinate plane.
+PERIOD = 64  # lattice points along an axis before the noise repeats: a table of 1 MiB stays in the cache
+# A fixed rotation, so that no lattice plane lines up with a coordinate plane.
 ROTATION = np.array([[0.36, 0.48, -0.80], [-0.80, 0.60, 0.0], [0.48, 0.64, 0.60]], dtype=np.float32)
 
 
@@ -36,7 +35,8 @@ def _corner_strides(base: NDArray[np.intp]) -> list[list[NDArray[np.intp]]]:
 
 def _look_up(table: NDArray[np.float32], at: NDArray[np.intp]) -> NDArray[np.float32]:
     """Table entries; `clip` spares NumPy the check of indices that are in range by their mask."""
-    return table.take(at, mode="clip")
+    out: NDArray[np.float32] = table.take(at, mode="clip")
+    return out
 
 
 def value(P: Array, frequency: float, seed: int) -> NDArray[np.float32]:
@@ -60,11 +60,12 @@ def fractal(P: Array, frequency: float, seed: int, octaves: int = 3) -> NDArray[
     total = value(P, frequency, seed)
     for k in range(1, octaves):
         total = total + value(P, frequency * 2**k, seed + k) * np.float32(0.5**k)
-    return total * np.float32(1 / (2 - 0.5 ** (octaves - 1)))
+    scaled: NDArray[np.float32] = total * np.float32(1 / (2 - 0.5 ** (octaves - 1)))
+    return scaled
 
 
 def cells(P: Array, frequency: float, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Distance to the nearest jittered lattice point, in lattice cells, and that point's own number in [0, 1), both [N].
+    """Distance [N] to the nearest jittered lattice point, in lattice cells, and that point's own number [N] in [0, 1).
 
     Searches the eight nearest cells only (Worley 1996 searches 27), which is exact where the distance is below 0.5.
     """

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, in_blocks, smoothstep, torus
+from fracsim.asset.objects.shapes import Array, hypot, in_blocks, smoothstep, torus
 
 BOUNDS = ((-0.52, -0.52, -0.16), (0.52, 0.52, 0.16))
 CLASS = "high_stretch"
@@ -36,8 +36,9 @@ def _solid(P: Array) -> Array:
 
 def _seam(P: Array) -> Array:
     """Raised moulding lines along the ring, a small displacement [N]."""
-    around = np.arctan2(P[2], np.hypot(P[0], P[1]) - MAJOR)
-    return -0.004 * np.exp(-np.square((np.abs(around) - np.pi / 2) / 0.09))
+    around = np.arctan2(P[2], hypot(P[0], P[1]) - MAJOR)
+    out: Array = -0.004 * np.exp(-np.square((np.abs(around) - np.pi / 2) / 0.09))
+    return out
 
 
 def _paint(P: Array) -> Array:
@@ -48,4 +49,5 @@ def _paint(P: Array) -> Array:
     paint = texture.mix(paint, NAVY, 1 - smoothstep(0.09, 0.14, np.abs(wave)))
     near, own = noise.cells(P, 11, 3)
     dot = (1 - smoothstep(0.24, 0.31, near)) * (own > 0.4) * smoothstep(0.3, 0.5, np.abs(wave))
-    return texture.mix(paint, np.where((wave > 0), NAVY, CREAM), dot) * texture.mottle(P, 0.07, 4)
+    paint = texture.mix(paint, np.where(wave > 0, NAVY, CREAM), dot)
+    return texture.marble(paint, P, 0.35, 4)

@@ -1,15 +1,12 @@
 """Soft light baked into the colour of a surface, because the splats downstream are drawn unlit."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracsim.asset.objects.shapes import norm, smoothstep
+from fracsim.asset.objects.shapes import Array, norm, smoothstep
 from fracsim.asset.objects.texture import mix
 
-Array = NDArray[np.floating[Any]]
 Distance = Callable[[Array], Array]
 
 LIGHT = np.array([-0.4511, 0.7018, 0.5514], np.float32)  # the key light: above, left, in front
@@ -17,7 +14,8 @@ HALF = np.array([-0.2555, 0.3975, 0.8813], np.float32)  # half way between the k
 STEP = 0.006  # of the difference quotient: half a particle spacing, so that bumps finer than a splat do not alias
 REACH = 0.05  # along the normal, within which a surface is taken to be shaded by its neighbourhood
 FULL, GONE = 0.014, 0.040  # depths to which the light is full, and from which there is none
-CREASE = np.array([[0.62], [0.72], [0.78]], np.float32)  # taken from each channel where nothing is seen: creases stay warm
+WARMTH = np.array([[0.85], [1.0], [1.15]], np.float32)  # powers of the light: shade is warm, light is cool
+CREASE = np.array([[0.62], [0.72], [0.78]], np.float32)  # what a closed crease loses of each channel
 
 
 def dot(direction: Array, n: Array) -> Array:
@@ -37,7 +35,8 @@ def normal(distance: Distance, P: Array, here: Array) -> Array:
 def openness(distance: Distance, P: Array, here: Array, n: Array) -> Array:
     """How much of the surroundings a surface point sees, [N] in [0, 1], from the distance a step along its normal."""
     lack = 1 - (distance(P + REACH * n) - here) / REACH
-    return 1 - np.clip(lack, 0.0, 1.0)
+    seen: Array = 1 - np.clip(lack, 0.0, 1.0)
+    return seen
 
 
 def bake(distance: Distance, P: Array, depth: Array, colour: Array, gloss: float, sharpness: float = 24.0) -> Array:
@@ -52,7 +51,7 @@ def bake(distance: Distance, P: Array, depth: Array, colour: Array, gloss: float
     n = normal(distance, Q, here)
     seen = openness(distance, Q, here, n)
     key, sky = np.clip(dot(LIGHT, n), 0.0, 1.0), 0.5 + 0.5 * n[1]
-    strength = 0.58 + 0.45 * key + 0.18 * sky
+    strength = (0.58 + 0.45 * key + 0.18 * sky) ** WARMTH
     shine = gloss * np.clip(dot(HALF, n), 0.0, 1.0) ** sharpness * seen
     light = out[:, lit] * strength * (1 - (1 - seen) * CREASE)
     light = light + (1 - np.clip(light, 0, 1)) * shine

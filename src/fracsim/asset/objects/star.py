@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, ellipsoid, extrude, in_blocks, mirror, smoothstep, union
+from fracsim.asset.objects.shapes import Array, ellipsoid, extrude, hypot, in_blocks, mirror, smoothstep, union
 
 BOUNDS = ((-0.54, -0.47, -0.17), (0.54, 0.57, 0.17))
 CLASS = "high_stretch"
@@ -39,12 +39,13 @@ def _star(P: Array) -> Array:
     """Plane distance to a star with rounded points, one up."""
     sector = 2 * np.pi / 5
     angle = np.arctan2(P[0], P[1])
-    angle, radius = np.abs(angle - sector * np.round(angle / sector)), np.hypot(P[0], P[1])
+    angle, radius = np.abs(angle - sector * np.round(angle / sector)), hypot(P[0], P[1])
     u, v = radius * np.sin(angle), radius * np.cos(angle)
     ex, ey = NOTCH * np.sin(sector / 2), NOTCH * np.cos(sector / 2) - POINT
     t = np.clip((u * ex + (v - POINT) * ey) / (ex * ex + ey * ey), 0, 1)
     side = np.sign(u * ey - (v - POINT) * ex)
-    return -side * np.hypot(u - t * ex, v - POINT - t * ey) - ROUNDING
+    out: Array = -side * hypot(u - t * ex, v - POINT - t * ey) - ROUNDING
+    return out
 
 
 def _paint(P: Array) -> Array:
@@ -53,14 +54,14 @@ def _paint(P: Array) -> Array:
     paint = texture.ramp(edge, (0.05, 0.30, 0.75), (RED, ORANGE, GOLD))
     near, own = noise.cells(P, 13, 113)
     paint = texture.mix(paint, np.where((own > 0.6), GOLD, RED), 0.55 * smoothstep(0.30, 0.20, near) * (own > 0.3))
-    return _face(mirror(P, 0), paint * texture.mottle(P, 0.08, 114))
+    return _face(mirror(P, 0), texture.marble(paint, P, 0.18, 114))
 
 
 def _face(Q: Array, paint: Array) -> Array:
     """Eyes with a glint, rosy cheeks and a smile."""
     front = smoothstep(0.02, 0.05, Q[2])
     x, y = Q[0], Q[1]
-    smile = smoothstep(0.017, 0.008, np.abs(np.hypot(x, y - 0.02) - 0.085)) * smoothstep(-0.02, -0.035, y)
+    smile = smoothstep(0.017, 0.008, np.abs(hypot(x, y - 0.02) - 0.085)) * smoothstep(-0.02, -0.035, y)
     paint = texture.mix(paint, ROSE, 0.75 * front * texture.disc(x - 0.155, y + 0.035, (0.052, 0.040), 0.03))
     paint = texture.mix(paint, BLACK, front * smile)
     paint = texture.mix(paint, BLACK, front * texture.disc(x - 0.095, y - 0.055, (0.042, 0.058)))

@@ -1,15 +1,13 @@
 """What the objects are made of, as colours of points: bread crumb, rubber, and the mottling all of them share."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracsim.asset.objects import noise
-from fracsim.asset.objects.shapes import smoothstep
+from fracsim.asset.objects.shapes import Array, hypot, smoothstep
 
-Array = NDArray[np.floating[Any]]
 Paint = Callable[[Array], Array]
 
 
@@ -45,20 +43,29 @@ def mottle(P: Array, strength: float, seed: int) -> Array:
     return 1 + strength * spots
 
 
+def marble(colour: Array, P: Array, strength: float, seed: int) -> Array:
+    """Colours [3, N] or [3, 1] mottled by a power of themselves: clouds of deeper and paler tone, never of grey."""
+    spots = mottle(P, strength, seed)
+    out: Array = np.maximum(colour, 0) ** np.maximum(spots, 0.2)
+    return out * (1 + 0.06 * (1 - spots))
+
+
 def crumb(P: Array, pale: Array, pore: Array, seed: int, size: float = 1.0) -> Array:
     """Baked dough [3, N]: `pale` walls around pores of two sizes, the larger about 0.04 `size` across."""
     large, own = noise.cells(P, 17 / size, seed)
     radius = 0.20 + 0.28 * own
     ragged = large / radius + 0.35 * noise.value(P, 30 / size, seed + 2)
-    hole = np.maximum(1 - smoothstep(0.5, 1.2, ragged), 0.6 * smoothstep(0.15, 0.6, noise.value(P, 60 / size, seed + 1)))
-    return mix(pale, pore, hole.astype(np.float32)) * mottle(P, 0.04, seed + 3)
+    hole = np.maximum(
+        1 - smoothstep(0.5, 1.2, ragged), 0.6 * smoothstep(0.15, 0.6, noise.value(P, 60 / size, seed + 1))
+    )
+    return marble(mix(pale, pore, hole), P, 0.25, seed + 3)
 
 
 def rubber(P: Array, body: Array, seed: int) -> Array:
     """Plain body-coloured rubber [3, N] with faint clouds and fine filler grains."""
     near, own = noise.cells(P, 40, seed)
     grain = (1 - smoothstep(0.15, 0.35, near)) * (own - 0.5)
-    return body * (mottle(P, 0.05, seed + 3) + 0.35 * grain)
+    return marble(body, P, 0.12, seed + 3) * (1 + 0.35 * grain)
 
 
 def skin(depth: Array, low: float = 0.016, high: float = 0.026) -> Array:
@@ -68,5 +75,5 @@ def skin(depth: Array, low: float = 0.016, high: float = 0.026) -> Array:
 
 def disc(u: Array, v: Array, radii: tuple[float, float], edge: float = 0.012) -> Array:
     """Weight [N] of a painted ellipse about the origin of surface coordinates (u, v), its edge `edge` wide."""
-    reach = np.hypot(u / radii[0], v / radii[1])
+    reach = hypot(u / radii[0], v / radii[1])
     return 1 - smoothstep(1 - edge / min(radii), 1.0, reach)

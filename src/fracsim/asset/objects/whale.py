@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, union
+from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, hypot, in_blocks, mirror, smoothstep, union
 
 BOUNDS = ((-0.52, -0.48, -0.34), (0.59, 0.50, 0.34))
 CLASS = "high_stretch"
@@ -41,8 +41,8 @@ def _solid(P: Array) -> Array:
 
 def _tail(Q: Array) -> Array:
     """Tail that sweeps up to two flukes in the picture plane."""
-    root = capsule(Q, (0.18, -0.14, 0), (0.40, 0.04, 0), 0.20, 0.10)
-    tail = union(root, capsule(Q, (0.40, 0.04, 0), (0.425, 0.24, 0), 0.10, 0.07), 0.08)
+    root = capsule(Q, (0.22, -0.17, 0), (0.41, 0.03, 0), 0.20, 0.11)
+    tail = union(root, capsule(Q, (0.41, 0.03, 0), (0.425, 0.24, 0), 0.11, 0.07), 0.08)
     left = capsule(Q, (0.42, 0.24, 0), (0.30, 0.39, 0), 0.08, 0.048)
     right = capsule(Q, (0.42, 0.24, 0), (0.52, 0.38, 0), 0.08, 0.045)
     return union(tail, np.minimum(left, right), 0.04)
@@ -73,14 +73,14 @@ def _paint(Q: Array) -> Array:
     paint = texture.mix(paint, texture.mix(PALE, GROOVE, groove), smoothstep(0.004, -0.008, waterline))
     paint = texture.mix(paint, BLUE, smoothstep(0.012, 0.0, _flipper(Q)))
     paint = texture.mix(paint, WATER, smoothstep(0.015, 0.0, _spout(Q)))
-    return _face(Q, paint * texture.mottle(Q, 0.08, 124))
+    return _face(Q, texture.marble(paint, Q, 0.20, 124))
 
 
 def _face(Q: Array, paint: Array) -> Array:
     """Smile, cheek, and an eye with a glint."""
     side = smoothstep(0.03, 0.06, Q[2])
     x, y = Q[0], Q[1]
-    smile = smoothstep(0.015, 0.007, np.abs(np.hypot(x + 0.36, y + 0.02) - 0.15)) * (y < -0.10) * (x < -0.24)
+    smile = smoothstep(0.015, 0.007, np.abs(hypot(x + 0.36, y + 0.02) - 0.15)) * (y < -0.10) * (x < -0.24)
     paint = texture.mix(paint, BLACK, smile * side)
     paint = texture.mix(paint, BLUSH, 0.65 * side * texture.disc(x + 0.20, y + 0.13, (0.05, 0.036), 0.03))
     u, v = x - EYE[0], y - EYE[1]

@@ -1,0 +1,112 @@
+"""What a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, distance_transform_edt, label
+from scipy.spatial import cKDTree
+
+from fracsim.asset.ply import Gaussians
+from fracsim.records import Array
+
+OPAQUE = 0.1
+"""Sum of opacities from which a cell counts as occupied."""
+WIDEST_GAP = 4
+"""Gaps in the shell are closed up to twice this many cells."""
+NEIGHBOURS = np.ones((3, 3, 3), bool)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A solid on a lattice of cells."""
+
+    inside: Array
+    """Whether a cell belongs to it, (nx, ny, nz) bool."""
+    shell: Array
+    """Whether the surface passes through the cell: half of such a cell is taken to be inside."""
+    depth: Array
+    """Distance below the surface, in cells."""
+    gaps: int
+    """Cells by which the shell had to be thickened to be closed."""
+
+    def shared(self, X: Array, axes: list[Array], least: float) -> Array:
+        """Volumes (N,), in cells, of particles X (N, 3): what lies in a cell shares its volume, else what is nearest.
+
+        None is far below `least`; they sum to the volume of the body.
+        """
+        content = np.where(self.shell, 0.5, 1.0) * self.inside
+        cell = np.ravel_multi_index(_cells(X, axes), self.inside.shape)
+        count = np.bincount(cell, minlength=content.size)
+        volume = content.ravel()[cell] / count[cell]
+        empty = np.argwhere((content > 0) & (count.reshape(content.shape) == 0))
+        if len(empty):
+            P = np.stack([a[i] for a, i in zip(axes, empty.T, strict=True)], axis=1)
+            _, owner = cKDTree(X).query(P)
+            volume += np.bincount(owner, content[tuple(empty.T)], len(X))
+        volume = np.maximum(volume, least)
+        out: Array = volume * content.sum() / volume.sum()
+        return out
+
+
+def enclose(trained: Gaussians, axes: list[Array], spacing: float) -> Body:
+    """The body that Gaussians in the world [m] enclose, of cells centred on a lattice of pitch `spacing` [m]."""
+    occupied = _occupied(trained, axes, spacing)
+    closed = [_closed(occupied, reach) for reach in range(WIDEST_GAP + 1)]
+    sizes = np.array([c.sum() for c in closed])
+    gaps = int(np.argmax(sizes >= 0.9 * sizes.max()))
+    inside = closed[gaps]
+    shell = inside & binary_dilation(~inside, NEIGHBOURS)
+    # The centres of shell cells are nearest to the outside, one cell away, and on the surface on average.
+    depth = distance_transform_edt(inside) - 1.0
+    return Body(inside, shell, depth, gaps)
+
+
+def _occupied(trained: Gaussians, axes: list[Array], spacing: float) -> Array:
+    """Cells whose opacities sum to OPAQUE; a wide Gaussian counts over the disc of its two longer axes."""
+    density = np.zeros([len(a) for a in axes])
+    variances, frames = np.linalg.eigh(trained.covariance)
+    wide = np.sqrt(variances[:, 2]) > 0.5 * spacing
+    np.add.at(density, _cells(trained.means, axes), trained.opacity)
+    for radius, count in ((0.5, 6), (1.0, 12)):
+        for angle in 2 * np.pi * np.arange(count) / count:
+            shift = radius * np.sqrt(variances[wide]) * np.array([0.0, np.cos(angle), np.sin(angle)])
+            P = trained.means[wide] + np.einsum("nij,nj->ni", frames[wide], shift)
+            np.add.at(density, _cells(P, axes), trained.opacity[wide])
+    return density >= OPAQUE
+
+
+def _cells(X: Array, axes: list[Array]) -> tuple[Array, ...]:
+    """Indices of the cells that hold points (N, 3)."""
+    step = axes[0][1] - axes[0][0]
+    near = ((np.rint((x - a[0]) / step).astype(int), len(a)) for x, a in zip(X.T, axes, strict=True))
+    return tuple(np.clip(index, 0, n - 1) for index, n in near)
+
+
+def _closed(occupied: Array, reach: int) -> Array:
+    """The cells that `occupied` encloses, itself included, when it is thickened by `reach` cells and thinned after."""
+    room = np.pad(occupied, reach + 1)
+    thick = distance_transform_edt(~room) <= reach
+    parts, _ = label(~thick)
+    filled = parts != parts[0, 0, 0]
+    thin = distance_transform_edt(filled) > reach
+    core = slice(reach + 1, -reach - 1)
+    out: Array = (thin | room)[core, core, core]
+    return out
+
+
+def together(means: Array) -> Array:
+    """Which points (N, 3) belong to the object, (N,) bool: not far outside, nor in small groups apart from the rest."""
+    lo, hi = np.quantile(means, (0.01, 0.99), axis=0)
+    lo, hi = lo - 0.5 * (hi - lo), hi + 0.5 * (hi - lo)
+    near = ((means >= lo) & (means <= hi)).all(axis=1)
+    size = float(np.ptp(means[near], axis=0).max())
+    # Cells are wide enough that the points of one surface touch: a surface of n^2 cells has about 16 in each.
+    cells = np.clip(np.sqrt(near.sum()) / 4, 8, 64)
+    scale = (cells - 1e-6) / max(size, 1e-300)
+    index = np.floor((means[near] - means[near].min(axis=0)) * scale).astype(int)
+    grid = np.zeros(index.max(axis=0) + 3, bool)
+    grid[tuple(index.T + 1)] = True
+    parts, _ = label(binary_dilation(grid, NEIGHBOURS), NEIGHBOURS)
+    part = parts[tuple(index.T + 1)]
+    near[near] = (np.bincount(part) >= 0.02 * len(part))[part]
+    return near

@@ -1,0 +1,37 @@
+"""Turning the view-dependent colour of a Gaussian: spherical harmonics in the order and signs of 3DGS."""
+
+import numpy as np
+
+from fracsim.records import Array
+
+
+def basis(directions: Array) -> Array:
+    """The 16 real spherical harmonics of degree 0 to 3 in unit directions (M, 3), (M, 16)."""
+    x, y, z = directions.T
+    a, b, c = np.sqrt(np.array([1, 3, 15]) / (4 * np.pi))
+    d, e, f, g = np.sqrt(np.array([5 / 16, 35 / 32, 21 / 32, 7 / 16]) / np.pi)
+    h = np.sqrt(105 / (4 * np.pi))
+    columns = [
+        a + 0 * x,
+        -b * y, b * z, -b * x,
+        c * x * y, -c * y * z, d * (3 * z * z - 1), -c * x * z, c / 2 * (x * x - y * y),
+        -e * y * (3 * x * x - y * y), h * x * y * z, -f * y * (5 * z * z - 1), g * z * (5 * z * z - 3),
+        -f * x * (5 * z * z - 1), h / 2 * z * (x * x - y * y), -e * x * (x * x - 3 * y * y),
+    ]  # fmt: skip
+    return np.stack(columns, axis=1)
+
+
+def turned(sh: Array, R: Array) -> Array:
+    """Coefficients (N, K, 3) of colours that turned by R, (3, 3), with their object: f'(d) = f(R^T d).
+
+    Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 64 directions, which is exact.
+    """
+    directions = np.random.default_rng(0).normal(size=(64, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    new, old = basis(directions), basis(directions @ R)
+    out = sh.copy()
+    for degree in range(1, int(np.sqrt(sh.shape[1]))):
+        band = slice(degree**2, (degree + 1) ** 2)
+        matrix = np.linalg.lstsq(new[:, band], old[:, band], rcond=None)[0]
+        out[:, band] = np.einsum("ij,njc->nic", matrix, sh[:, band])
+    return out

@@ -1,0 +1,90 @@
+"""Damage follows the largest stretch, never heals, and takes the stress with it (Eqs. 4 and 5)."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from fracsim import Fracture, Loading, Material, Solver, registry
+from fracsim.mpm import params as slot
+from fracsim.mpm.state import State
+
+from .bars import free, lattice, particles, scene
+
+LAWS = registry.names("fracsim.damage")
+
+
+def raw(name: str, F: Any, onset: float, crit: float) -> Any:
+    law = registry.load("fracsim.damage", name, "fracture.law")
+    Matrices = ti.types.ndarray(dtype=ti.types.matrix(3, 3, ti.f64), ndim=1)
+    Scalars = ti.types.ndarray(dtype=ti.f64, ndim=1)
+
+    @ti.kernel
+    def evaluate(onset: ti.f64, crit: ti.f64, F: Matrices, out: Scalars):
+        for p in range(F.shape[0]):
+            out[p] = law.raw(F[p], onset, crit)
+
+    out = np.zeros(len(F))
+    evaluate(onset, crit, np.ascontiguousarray(F, np.float64), out)
+    return out
+
+
+def test_stretch_law_is_linear_between_the_thresholds() -> None:
+    stretches = np.array([0.5, 1.0, 1.5, 1.7, 2.1, 2.3, 5.0])
+    F = np.array([np.diag([s, 0.9, 0.8]) for s in stretches])
+    expected = np.clip((np.maximum(stretches, 0.9) - 1.5) / 0.8, 0, 1)
+    assert raw("stretch", F, 1.5, 2.3) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_is_bounded_and_does_not_see_rotation(name: str) -> None:
+    from .test_constitutive import random_F
+
+    F = random_F(100)
+    Q = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    d = raw(name, F, 1.5, 2.3)
+    assert ((d >= 0) & (d <= 1)).all()
+    assert raw(name, Q @ F, 1.5, 2.3) == pytest.approx(d, abs=1e-7)
+
+
+@pytest.mark.parametrize("form", ["total", "updated"])
+def test_damage_history_is_a_running_maximum(form: str) -> None:
+    """The history of stretches 1, 1.5, 1.7, 2.1, 1.2, ... gives d = 0, 0, 0.25, 0.75, 0.75, ... on the particle."""
+    solver = Solver(cells=20, precision="float64", formulation=form)
+    s = scene(material=Material(E=1e2, nu=0.3), fracture=Fracture(onset=1.5, crit=2.3), solver=solver,
+              loading=Loading(offset=0.2, thickness=0.1))  # fmt: skip
+    state = free(s, particles(lattice((0.6, 0.3, 0.3), solver.spacing), solver.spacing))
+    seen = []
+    for stretch in (1, 1.5, 1.7, 2.1, 1.2, 2.1, 2.5, 2.2, 0.6):
+        state.F.from_numpy(np.tile(np.diag([float(stretch), 1, 1]), (state.n, 1, 1)))
+        state.V.from_numpy(np.zeros((state.n, 3)))
+        state.C.from_numpy(np.zeros((state.n, 3, 3)))
+        state.run(1, 1e-9, 0.0)
+        seen.append(state.D.to_numpy())
+    assert np.array(seen).T == pytest.approx(np.tile([0, 0, 0.25, 0.75, 0.75, 0.75, 1, 1, 1], (state.n, 1)), abs=1e-6)
+
+
+def test_degraded_stress_and_its_energy() -> None:
+    solver = Solver(cells=20, precision="float64")
+    s = scene(material=Material(law="neo_hookean", E=1e3, nu=0.3), solver=solver,
+              loading=Loading(offset=0.2, thickness=0.1))  # fmt: skip
+    state = free(s, particles(lattice((0.6, 0.3, 0.3), solver.spacing), solver.spacing))
+    state.F.from_numpy(np.tile(np.diag([1.8, 0.9, 0.9]), (state.n, 1, 1)))
+    whole, energy, stretch = state.observe()
+    state.D.from_numpy(np.full(state.n, 0.25))
+    damaged, left, _ = state.observe()
+    assert damaged == pytest.approx(0.75 * whole, rel=1e-12)
+    assert left == pytest.approx(0.75 * energy, rel=1e-12)
+    assert stretch == pytest.approx(1.8, rel=1e-9)
+
+
+def test_grip_particles_are_exempt_unless_asked() -> None:
+    solver = Solver(cells=50)
+    body = particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing)
+    loading = Loading(offset=0.15, thickness=0.05)
+    off = State(scene(solver=solver, loading=loading), body).tag
+    on = State(scene(solver=solver, loading=loading, fracture=Fracture(at_grips=True)), body).tag
+    s = np.abs(body.X[:, 0].astype(float) - 1)
+    assert ((off >= slot.EXEMPT) == (np.abs(s - 0.15) <= 0.025 + 1.5 * solver.h)).all()
+    assert (on < slot.EXEMPT).all()
