@@ -10,7 +10,6 @@ from fracsim.mpm import params as slot
 from fracsim.records import Array, Frame, Particles
 from fracsim.vocab import Scene
 
-
 TEARING = 0.9
 """In `updated` the grid lets go of particles that are this many cells apart, whatever their damage."""
 

@@ -12,8 +12,15 @@ from fracsim.sample.report import plot
 from .recording import HISTORY
 
 
-@pytest.mark.parametrize("history", [HISTORY, {}, {"t": [0.0], "load": [1.0]}, {**HISTORY, "load": [1.0, 2.0]}])
-@pytest.mark.parametrize("report", [{}, {"break_frame": None}, {"break_frame": 3}, {"break_frame": 99}])
+@pytest.mark.parametrize(
+    ("history", "report"),
+    [
+        (HISTORY, {"break_frame": 3}),
+        (HISTORY, {"break_frame": None}),
+        ({**HISTORY, "load": [1.0, 2.0]}, {"break_frame": 99}),
+        ({}, {"break_frame": 3}),
+    ],
+)
 def test_report_of_any_run(tmp_path: Path, history: dict[str, Sequence[float]], report: dict[str, int]) -> None:
     plot(history, report, tmp_path / "report.png", (1.5, 2.3))
     with Image.open(tmp_path / "report.png") as picture:

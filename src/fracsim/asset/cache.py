@@ -106,6 +106,4 @@ def store(name: str, particles: Particles) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             half.unlink(missing_ok=True)
-        warnings.warn(
-            f"The prepared object is not kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2
-        )
+        warnings.warn(f"The prepared object is not kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2)

@@ -44,8 +44,7 @@ class Body:
             _, owner = cKDTree(X).query(P)
             volume += np.bincount(owner, content[tuple(empty.T)], len(X))
         volume = np.maximum(volume, least)
-        out: Array = volume * content.sum() / volume.sum()
-        return out
+        return np.asarray(volume * (content.sum() / volume.sum()))
 
 
 def enclose(trained: Gaussians, axes: list[Array], spacing: float) -> Body:
@@ -90,15 +89,14 @@ def _closed(occupied: Array, reach: int) -> Array:
     filled = parts != parts[0, 0, 0]
     thin = distance_transform_edt(filled) > reach
     core = slice(reach + 1, -reach - 1)
-    out: Array = (thin | room)[core, core, core]
-    return out
+    return np.asarray((thin | room)[core, core, core])
 
 
 def together(means: Array) -> Array:
     """Which points (N, 3) belong to the object, (N,) bool: not far outside, nor in small groups apart from the rest."""
     lo, hi = np.quantile(means, (0.01, 0.99), axis=0)
     lo, hi = lo - 0.5 * (hi - lo), hi + 0.5 * (hi - lo)
-    near = ((means >= lo) & (means <= hi)).all(axis=1)
+    near: Array = ((means >= lo) & (means <= hi)).all(axis=1)
     size = float(np.ptp(means[near], axis=0).max())
     # Cells are wide enough that the points of one surface touch: a surface of n^2 cells has about 16 in each.
     cells = np.clip(np.sqrt(near.sum()) / 4, 8, 64)

@@ -189,9 +189,7 @@ def _volumes(
 
 
 def _thin(share: float) -> str:
-    return (
-        f"{share:.0%} of the volume is too thin for the particle spacing: raise solver.cells or asset.size."
-    )
+    return f"{share:.0%} of the volume is too thin for the particle spacing: raise solver.cells or asset.size."
 
 
 def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: float) -> Array:

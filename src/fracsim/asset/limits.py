@@ -46,9 +46,7 @@ def _check_file(asset: Asset) -> None:
 def colour(text: str) -> tuple[float, float, float]:
     """The sRGB values in [0, 1] of '#rrggbb'; raises ValueError for anything else."""
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
-        raise ValueError(
-            f"asset.interior={text} is not a colour: write '#rrggbb', as '#f2e0c0', or leave it empty."
-        )
+        raise ValueError(f"asset.interior={text} is not a colour: write '#rrggbb', as '#f2e0c0', or leave it empty.")
     r, g, b = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return r, g, b
 

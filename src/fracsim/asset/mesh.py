@@ -152,14 +152,14 @@ class MeshSolid:
         """Grid points within two and a half steps of the surface, (nx, ny, nz) bool."""
         hit = np.zeros(shape, np.uint8)
         hit[self._cells(shape)] = 1
-        return maximum_filter(hit, 7) > 0
+        return np.asarray(maximum_filter(hit, 7) > 0)
 
 
 def _open_note(doubtful: Array) -> str:
     share = doubtful.mean() if len(doubtful) else 0.0
     return (
-        "The mesh is not watertight: a point is inside where rays along the six axis directions wind more than half "
-        f"about it; they disagreed at {share:.1%} of the points inside."
+        "The mesh is not watertight: points are inside where the winding number, estimated from rays in the six "
+        f"directions of the axes, exceeds 1/2; the rays disagreed at {share:.1%} of them."
     )
 
 

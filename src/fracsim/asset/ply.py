@@ -50,11 +50,7 @@ def read(path: str | Path) -> Gaussians:
     R = _rotations(np.stack([values[f"rot_{i}"] for i in range(4)], axis=1))
     deviations = np.exp(np.stack([values[f"scale_{i}"] for i in range(3)], axis=1))
     constant = np.stack([values[f"f_dc_{i}"] for i in range(3)], axis=1)[:, None, :]
-    higher = (
-        np.stack([values[n] for n in rest], axis=1).reshape(len(R), 3, -1).transpose(0, 2, 1)
-        if rest
-        else None
-    )
+    higher = np.stack([values[n] for n in rest], axis=1).reshape(len(R), 3, -1).transpose(0, 2, 1) if rest else None
     return Gaussians(
         means=np.stack([values[n] for n in "xyz"], axis=1),
         covariance=np.einsum("nij,nj,nkj->nik", R, deviations**2, R),
@@ -68,14 +64,10 @@ def _vertex(path: str | Path) -> Any:
     try:
         file = plyfile.PlyData.read(str(path))
     except (plyfile.PlyParseError, OSError, ValueError, UnicodeDecodeError) as error:
-        raise ValueError(
-            f"asset.path={path} cannot be read as PLY ({error}): give a whole point_cloud.ply."
-        ) from error
+        raise ValueError(f"asset.path={path} cannot be read as PLY ({error}): give a whole point_cloud.ply.") from error
     vertex = next((e for e in file.elements if e.name == "vertex"), None)
     if vertex is None or vertex.count == 0:
-        raise ValueError(
-            f"asset.path={path} has no vertices: give the point_cloud.ply of a trained 3DGS model."
-        )
+        raise ValueError(f"asset.path={path} has no vertices: give the point_cloud.ply of a trained 3DGS model.")
     missing = [n for n in NEEDED if n not in {p.name for p in vertex.properties}]
     if missing:
         raise ValueError(

@@ -55,9 +55,7 @@ class _Table:
         """Crossings ahead and behind of grid points (M, 3): their winding, or their parity when not oriented."""
         u, v = (self.axis + 1) % 3, (self.axis + 2) % 3
         line = index[:, u] * len(axes[v]) + index[:, v]
-        at = np.searchsorted(
-            self.key, line + _fraction(axes[self.axis], axes[self.axis])[index[:, self.axis]]
-        )
+        at = np.searchsorted(self.key, line + _fraction(axes[self.axis], axes[self.axis])[index[:, self.axis]])
         first, last = np.searchsorted(self.line, line), np.searchsorted(self.line, line, side="right")
         if oriented:
             return self.cumulative[last] - self.cumulative[at], self.cumulative[first] - self.cumulative[at]

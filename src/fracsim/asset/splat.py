@@ -47,16 +47,12 @@ def _opaque(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, tuple[
             f"asset.path={asset.path}: set it below {trained.opacity.max():.3g}, the opacity of the most opaque."
         )
     dropped = int((~keep).sum())
-    note = (
-        f"{dropped} of {len(keep)} Gaussians are less opaque than {asset.opacity_threshold:g} and were dropped.",
-    )
+    note = (f"{dropped} of {len(keep)} Gaussians are less opaque than {asset.opacity_threshold:g} and were dropped.",)
     return _those(trained, keep), note if dropped else ()
 
 
 def _those(trained: ply.Gaussians, keep: Array) -> ply.Gaussians:
-    return ply.Gaussians(
-        trained.means[keep], trained.covariance[keep], trained.opacity[keep], trained.sh[keep]
-    )
+    return ply.Gaussians(trained.means[keep], trained.covariance[keep], trained.opacity[keep], trained.sh[keep])
 
 
 def _placed(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, int]:
@@ -97,17 +93,11 @@ def _remarks(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
     if floaters:
         notes.append(f"{floaters} Gaussians float apart from the object and were dropped.")
     if long:
-        notes.append(
-            f"{long} Gaussians were shortened to a standard deviation of {LONGEST:g} particle spacings."
-        )
+        notes.append(f"{long} Gaussians were shortened to a standard deviation of {LONGEST:g} particle spacings.")
     if body.gaps:
-        notes.append(
-            f"Gaps in the surface of up to {2 * body.gaps} particle spacings were closed to find the inside."
-        )
+        notes.append(f"Gaps in the surface of up to {2 * body.gaps} particle spacings were closed to find the inside.")
     if not (body.inside & ~body.shell).any():
-        notes.append(
-            "The Gaussians enclose nothing: only their shell is simulated. Raise solver.cells if it is solid."
-        )
+        notes.append("The Gaussians enclose nothing: only their shell is simulated. Raise solver.cells if it is solid.")
     return tuple(notes)
 
 
@@ -125,9 +115,7 @@ def _together(
         X=X.astype(np.float32),
         volume=(body.shared(X, axes, LEAST) * spacing**3).astype(np.float32),
         covariance=np.concatenate([ply.triangle(trained.covariance), shape]).astype(np.float32),
-        opacity=np.concatenate([trained.opacity, np.full(len(inner.X), gaussians.OPACITY)]).astype(
-            np.float32
-        ),
+        opacity=np.concatenate([trained.opacity, np.full(len(inner.X), gaussians.OPACITY)]).astype(np.float32),
         sh=sh,
         surface=np.arange(len(X)) < len(trained.means),
         spacing=spacing,

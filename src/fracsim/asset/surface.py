@@ -50,7 +50,7 @@ def read(path: str) -> Surface:
         parts = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
     except Exception as error:  # trimesh lets many kinds through, one a format
         raise ValueError(
-            f"asset.path={path} cannot be read as a mesh ({type(error).__name__}: {error}): export it again, best as GLB."
+            f"asset.path={path} cannot be read as a mesh ({type(error).__name__}: {error}): export it again, as GLB."
         ) from error
     if not parts:
         raise ValueError(
@@ -163,14 +163,10 @@ def _material(material: Any) -> tuple[Array | None, Array | None]:
 def _unit(values: Any) -> Array:
     """Colour values in [0, 1] from integers of any width, or from numbers that are so already."""
     values = np.asarray(values)
-    out: Array = (
-        values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
-    )
+    out: Array = values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
     return out
 
 
 def _srgb(linear: Array) -> Array:
     """Display values of linear intensities (IEC 61966-2-1)."""
-    return np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)

@@ -4,7 +4,6 @@ import taichi as ti
 
 from fracsim.mpm.tensor import J_MIN
 
-
 LAM_IS_BULK_MODULUS = True
 """At small strain lam resists the change of volume alone: Hooke's law with lam - 2 mu / 3 (as in PhysGaussian)."""
 

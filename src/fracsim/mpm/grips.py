@@ -5,7 +5,16 @@ import taichi as ti
 
 from fracsim.mpm.books import tally
 from fracsim.mpm.params import (
-    EXEMPT, FREE, GRIP_WORK, HALF, PULL_HIGH, PULL_LOW, SPEED, UX, UY, UZ,
+    EXEMPT,
+    FREE,
+    GRIP_WORK,
+    HALF,
+    PULL_HIGH,
+    PULL_LOW,
+    SPEED,
+    UX,
+    UY,
+    UZ,
 )  # fmt: skip
 from fracsim.records import Array
 from fracsim.vocab import CENTRE, Loading, Scene

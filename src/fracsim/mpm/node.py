@@ -8,7 +8,19 @@ import taichi as ti
 from fracsim.mpm.books import tally
 from fracsim.mpm.grips import grip_of_node, hold
 from fracsim.mpm.params import (
-    DECAYED, DENSITY, DT, GRAVITY_WORK, GX, GY, GZ, H, KEEP, LX, LY, LZ, SPEED, UX, UY, UZ, WALL,
+    DECAYED,
+    DENSITY,
+    DT,
+    GRAVITY_WORK,
+    GX,
+    GY,
+    GZ,
+    KEEP,
+    LX,
+    LY,
+    LZ,
+    WALL,
+    H,
 )  # fmt: skip
 
 

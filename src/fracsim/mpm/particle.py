@@ -9,8 +9,30 @@ from fracsim.mpm.books import report_fault, tally
 from fracsim.mpm.bspline import stencil
 from fracsim.mpm.grips import hold
 from fracsim.mpm.params import (
-    CLAMPED, CRIT, DAMAGED, DENSITY, DT, ETA, EXEMPT, FREE, GRID_FAULT, H, LAM, LX, LY, LZ, MAX_SPEED, MU, NX, NY, NZ,
-    ONSET, RELEASED, RH, SPEED, SPEED_FAULT, UX, UY, UZ, VISCOUS,
+    CLAMPED,
+    CRIT,
+    DAMAGED,
+    DENSITY,
+    DT,
+    ETA,
+    EXEMPT,
+    FREE,
+    GRID_FAULT,
+    LAM,
+    LX,
+    LY,
+    LZ,
+    MAX_SPEED,
+    MU,
+    NX,
+    NY,
+    NZ,
+    ONSET,
+    RELEASED,
+    RH,
+    SPEED_FAULT,
+    VISCOUS,
+    H,
 )  # fmt: skip
 from fracsim.mpm.stress import force
 from fracsim.mpm.tensor import J_MIN, cofactor, volume_ratio

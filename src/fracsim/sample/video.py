@@ -4,7 +4,9 @@ The processes are run here, not by imageio_ffmpeg.write_frames, because that doe
 full disk would pass for a finished file.
 """
 
+import re
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
@@ -80,27 +82,38 @@ class Encoder:
 
 
 def decode(path: Path, width: int, height: int, codec: str, frames: int) -> Array:
-    """The first `frames` frames, or as many whole ones as can be decoded, [T, height, width(, 3)].
+    """The first `frames` frames, or those before the first damaged one, [T, height, width(, 3)].
 
-    uint8 for codec "rgb", uint16 for "gray16". Decoding stops at the first damaged frame.
+    uint8 for codec "rgb", uint16 for "gray16".
     """
     tail, dtype = _SHAPES[codec]
     out = np.empty((frames, height, width, *tail), dtype)
     command = _reading(path, "-frames:v", str(max(frames, 1)), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+    with (
+        tempfile.TemporaryFile() as said,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said) as process,
+    ):
         stream = cast(BufferedReader, process.stdout)
         got = stream.readinto(out.data.cast("B")) if frames else 0
         stream.close()  # nothing more is wanted, and ffmpeg must not wait
-    return out[: got // max(out[:1].nbytes, 1)]
+        process.wait()
+        said.seek(0)
+        return out[: min(got // max(out[:1].nbytes, 1), _sound(said.read()))]
 
 
 def count(path: Path) -> int:
-    """Number of whole frames that can be decoded; 0 when the file cannot be read."""
+    """Number of frames before the first damaged one; 0 when the file cannot be read."""
     listing = subprocess.run(_reading(path, "-f", "framecrc", "-"), capture_output=True)
-    return sum(not line.startswith(b"#") for line in listing.stdout.splitlines())
+    frames = sum(not line.startswith(b"#") for line in listing.stdout.splitlines())
+    return min(frames, _sound(listing.stderr))
 
 
 def _reading(path: Path, *output: str) -> Sequence[str]:
-    # Without these, ffmpeg hands out a guess for a damaged frame.
     strict = ("-xerror", "-err_detect", "explode")
     return (get_ffmpeg_exe(), "-v", "error", *strict, "-i", str(path), "-map", "0:v:0", *output)
+
+
+def _sound(said: bytes) -> int:
+    """Frames before the first one that ffmpeg replaced by a guess, because a checksum of FFV1 did not match."""
+    times = re.findall(rb"CRC mismatch \w+!at ([0-9.]+) seconds", said)
+    return min((round(float(t) * FPS) for t in times), default=sys.maxsize)

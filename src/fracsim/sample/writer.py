@@ -99,6 +99,7 @@ class Writer:
             self._encoders["rgb"] = Encoder(self.folder / schema.RGB, w, h, "rgb")
         if self._pictures:
             self._encoders["alpha"] = Encoder(self.folder / schema.ALPHA, w, h, "gray16")
+        if self._modules:
             (self.folder / "maps").mkdir()
         for name, module in self._modules.items():
             path = self.folder / schema.map_file(name)
@@ -126,6 +127,7 @@ class Writer:
         assert index == self.frames, f"frame {index} came after {self.frames} frames"
         assert set(maps) == set(self._modules), f"maps {sorted(maps)} came instead of {sorted(self._modules)}"
         assert (rgb is not None, alpha is not None) == (self._rgb, self._pictures)
+        assert rgb is None or (rgb.shape == (self._height, self._width, 3) and rgb.dtype == np.uint8)
         planes = {name: self._planes(name, maps[name]) for name in self._modules}
         coded = {name: self._coded(name, planes[name]) for name in self._modules}
         try:

@@ -110,6 +110,6 @@ def _layers(Q: Array) -> Array:
     """Three sponges, between them cream with a line of jam."""
     height = Q[1] + 0.006 * noise.value(Q, 9, 84)
     off = np.abs((TOP - height) / 0.16 - np.round(np.clip((TOP - height) / 0.16, 1, 2))) * 0.16
-    layers = texture.crumb(Q, SPONGE, PORE, 85, size=0.75)
-    layers = texture.mix(layers, CREAM * texture.mottle(Q, 0.03, 86), smoothstep(0.026, 0.020, off))
-    return texture.mix(layers, JAM * texture.mottle(Q, 0.08, 87), smoothstep(0.010, 0.006, off))
+    sponge = texture.crumb(Q, SPONGE, PORE, 85, size=0.75)
+    filling = texture.mix(CREAM, JAM, smoothstep(0.010, 0.006, off)) * texture.mottle(Q, 0.05, 86)
+    return texture.mix(sponge, filling, smoothstep(0.026, 0.020, off))

@@ -1,0 +1,52 @@
+# `make help` lists the targets. Everything runs in .venv, which is made when needed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUN := $(BIN)/python -m
+QUIET_PIP := -m pip install --quiet --disable-pip-version-check
+
+.PHONY: help demo test test-slow check format bench figures clean
+.DEFAULT_GOAL := help
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(None if (3, 10) <= v <= (3, 13) else f"Python 3.10 to 3.13 is needed, this is {v[0]}.{v[1]}: make PYTHON=python3.12 ...")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/run.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[dev]'
+	@touch $@ $(VENV)/run.stamp
+
+demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, say where the film lies
+	$(RUN) fracsim
+
+test: $(VENV)/dev.stamp  ## all tests that take seconds
+	$(RUN) pytest -m "not slow and not gpu"
+
+test-slow: $(VENV)/dev.stamp  ## the tests that take minutes
+	$(RUN) pytest -m slow
+
+check: $(VENV)/dev.stamp  ## format, lint, types, import layers
+	$(RUN) ruff format --check .
+	$(RUN) ruff check .
+	$(RUN) mypy
+	$(BIN)/lint-imports
+
+format: $(VENV)/dev.stamp  ## format the code and sort imports
+	$(RUN) ruff format .
+	$(RUN) ruff check --fix .
+
+bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes docs/benchmarks/*.csv
+	$(RUN) fracsim.bench
+
+figures: $(VENV)/run.stamp  ## make the pictures of README anew
+	$(RUN) fracsim.gallery
+
+clean:  ## remove .venv and caches, not samples
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

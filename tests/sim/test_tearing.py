@@ -1,0 +1,128 @@
+"""When and where things tear, against closed forms; and that numerical tearing is told from damage."""
+
+import numpy as np
+import pytest
+
+from fracsim import Capture, Fracture, Loading, Material, Solver
+from fracsim.cohesion import Cohesion
+from fracsim.records import Particles
+from fracsim.ride import Ride
+from fracsim.simulate import Simulator
+
+from .bars import bar, lattice, particles, scene
+
+CELLS = 50
+H = 2 / CELLS
+
+
+def softening(
+    law: str, E: float, nu: float, onset: float, crit: float, speed: float, form: str = "total"
+) -> Simulator:
+    """A bar of 4 x 4 cells between sliding grips whose faces lie on nodes, 16 cells apart."""
+    gauge = 16 * H
+    duration = (crit + 0.1 - 1) * gauge / (2 * speed)
+    s = scene(
+        material=Material(law=law, E=E, nu=nu),
+        fracture=Fracture(onset=onset, crit=crit),
+        loading=Loading(offset=9 * H, thickness=2 * H, speed=speed, grips="sliding"),
+        solver=Solver(cells=CELLS, formulation=form, damping="none"),
+        capture=Capture(frames=120, fps=119 / duration),
+    )
+    return Simulator(s, bar(s.solver, (20 * H, 4 * H, 4 * H)))
+
+
+# A uniform bar fails where (1 - d) P(lambda) peaks, long before lambda_crit; nominal stretch there and peak P / E.
+SOFTENING = [
+    ("fixed_corotated", 2e3, 0.3, 1.5, 2.3, 0.05, 1.6219, 0.45866),
+    ("fixed_corotated", 2e3, 0.3, 2.0, 3.0, 0.05, 2.0, 0.83668),
+    ("neo_hookean", 2e4, 0.45, 2.6, 3.0, 0.2, 2.6, 0.84209),
+]
+
+
+@pytest.mark.parametrize(("law", "E", "nu", "onset", "crit", "speed", "stretch", "peak"), SOFTENING)
+def test_uniform_bar_breaks_at_the_closed_form_stretch(
+    law: str, E: float, nu: float, onset: float, crit: float, speed: float, stretch: float, peak: float
+) -> None:
+    simulator = softening(law, E, nu, onset, crit, speed)
+    for _ in simulator.frames():
+        if simulator.report.parted:
+            break
+    h = simulator.report.history
+    at = int(np.argmax(h.load))
+    # 2 %: inertia (speed / wave speed = 0.02), the faces of the bar, and 120 frames over the pull.
+    assert h.nominal_stretch[at] == pytest.approx(stretch, rel=0.02)
+    assert h.load[at] / (4 * H) ** 2 / E == pytest.approx(peak, rel=0.025)
+    assert simulator.report.break_frame is not None
+    assert h.nominal_stretch[simulator.report.break_frame] == pytest.approx(stretch, rel=0.03)
+
+
+def test_updated_reports_its_numerical_tearing() -> None:
+    """With two particles a cell the grid lets go near 1.8, far below onset 2.6; the report says so."""
+    simulator = softening("neo_hookean", 2e4, 0.45, 2.6, 3.0, 0.4, "updated")
+    for _ in simulator.frames():
+        if simulator.report.parted:
+            break
+    report = simulator.report.summary()
+    assert report["break_frame"] is None
+    assert report["torn_frame"] is not None
+    assert simulator.report.history.nominal_stretch[report["torn_frame"]] < 2.3
+    assert any("numerically torn" in w for w in report["warnings"])
+
+
+def test_notched_bar_breaks_at_its_notch() -> None:
+    """A notch one cell deep, off centre: the first failed particle lies within a cell of it."""
+    spacing = H / 2
+    X = lattice((20 * H, 6 * H, 4 * H), spacing)
+    notch = 1 + 3 * H
+    keep = ~((np.abs(X[:, 0] - notch) < spacing) & (np.abs(X[:, 1] - 1) > 2 * H))
+    s = scene(
+        material=Material(law="fixed_corotated", E=2e3, nu=0.3),
+        fracture=Fracture(onset=1.5, crit=2.3),
+        loading=Loading(offset=9 * H, thickness=2 * H, speed=0.1, grips="sliding"),
+        solver=Solver(cells=CELLS),
+        capture=Capture(frames=200, fps=60),
+    )
+    simulator = Simulator(s, particles(X[keep], spacing))
+    for frame in simulator.frames():
+        if frame.failed.any():
+            first = simulator.particles.X[frame.failed, 0]
+            assert np.abs(first - notch).max() <= H + spacing
+            return
+    pytest.fail("nothing failed")
+
+
+def test_failed_particles_ride_with_one_side() -> None:
+    """Two halves moved apart rigidly: a failed particle moves exactly as the half that it is nearest to."""
+    X = lattice((0.4, 0.1, 0.1), 0.02)
+    side = np.where(X[:, 0] < 1, -1.0, 1.0)
+    x = X + np.stack([0.3 * side, 0.1 * side, 0 * side], axis=1).astype(np.float32)
+    F = np.tile(np.eye(3, dtype=np.float32), (len(X), 1, 1))
+    v = np.stack([side, 0 * side, 0 * side], axis=1).astype(np.float32)
+    failed = np.abs(X[:, 0] - 1) < 0.035
+    expected = x.copy()
+    x[failed] = 0
+    Ride(X, 0.04)(x, v, F, failed)
+    assert np.abs(x - expected).max() < 1e-5
+    assert np.allclose(v[failed, 0], side[failed])
+
+
+def test_cohesion_tells_damage_from_the_grid() -> None:
+    """Halves that drift apart: broken when a layer between them failed, torn when F knows nothing of the gap."""
+    X = lattice((0.4, 0.08, 0.08), 0.02)
+    side = (X[:, 0] > 1.15).astype(int) - (X[:, 0] < 0.85)
+    cohesion = Cohesion(X, 0.02, 0.04, side)
+    F = np.tile(np.eye(3, dtype=np.float32), (len(X), 1, 1))
+    none = np.zeros(len(X), bool)
+    apart = X + np.float32([0.1, 0, 0]) * np.sign(X[:, :1] - 1)
+    assert cohesion.judge(X, F, none) == "whole"
+    assert cohesion.judge(apart, F, none) == "torn"
+    assert cohesion.judge(apart, F, np.abs(X[:, 0] - 1) < 0.025) == "broken"
+    stretched = X.copy()
+    stretched[:, 0] = 1 + 4 * (X[:, 0] - 1)
+    assert cohesion.judge(stretched, F * np.float32([4, 1, 1]), none) == "whole"
+
+
+def test_particles_record_checks_its_shapes() -> None:
+    body = bar(Solver(cells=20))
+    with pytest.raises(AssertionError, match=r"Particles\.volume has shape"):
+        Particles(**{**vars(body), "volume": body.volume[1:]})

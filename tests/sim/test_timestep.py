@@ -1,0 +1,86 @@
+"""The stability bound, against the blow-up of an isolated particle and of a block."""
+
+import numpy as np
+import pytest
+
+from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.mpm.state import State
+from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
+from fracsim.simulate import SimulationError, Simulator
+from fracsim.vocab import DT0
+
+from .bars import bar, free, particles, scene
+
+
+def setting(dt: float | str = "auto", viscosity: float = 0.0, form: str = "total", **solver: object) -> Scene:
+    return scene(
+        material=Material(law="neo_hookean", E=1e4, nu=0.4, viscosity=viscosity),
+        fracture=Fracture(onset=8, crit=9),
+        solver=Solver(**{"cells": 50, "precision": "float64", "dt": dt, "formulation": form, **solver}),
+        loading=Loading(offset=0.02, thickness=0.02),
+        capture=Capture(frames=3),
+    )
+
+
+def single(scene: Scene, X: np.ndarray) -> State:
+    """One free particle; two more, far enough away, stand in the grips."""
+    body = particles(np.concatenate([X, X + np.float32([0.4, 0, 0]), X - np.float32([0.4, 0, 0])]), 0.02)
+    scene.loading = Loading(offset=0.4, thickness=0.05)
+    return free(scene, body)
+
+
+def blows_up(state: State, dt: float) -> bool:
+    state.F.from_numpy(np.tile((1 + 1e-6) * np.eye(3), (state.n, 1, 1)))
+    state.run(400, dt, 0.0)
+    return not np.abs(state.F.to_numpy()[0] - np.eye(3)).max() < 1e-4
+
+
+@pytest.mark.parametrize("viscosity", [0.0, 10.0])
+def test_bound_is_where_an_isolated_particle_blows_up(viscosity: float) -> None:
+    bound = stable_at_rest(setting(viscosity=viscosity))
+    X = np.float32([[1.003, 1.005, 0.998]])
+    assert not blows_up(single(setting(viscosity=viscosity), X), 0.97 * bound)
+    assert blows_up(single(setting(viscosity=viscosity), X), 1.03 * bound)
+
+
+def test_auto_dt_lands_on_frames_and_respects_the_bound() -> None:
+    s = setting()
+    s.loading = Loading(offset=0.15, thickness=0.05, speed=1.0)
+    simulator = Simulator(s, bar(s.solver))
+    times = [frame.t for frame in simulator.frames()]
+    h = simulator.report.history
+    assert times == pytest.approx([0, 0.01, 0.02])
+    assert h.dt_t[-1] == pytest.approx(0.02, rel=1e-9)
+    assert max(h.dt) <= 0.8 * stable_at_rest(s) * (1 + 1e-9)
+
+
+def test_fixed_dt_beyond_the_bound_is_refused_with_the_bound() -> None:
+    s = setting(dt=0.01)
+    with pytest.raises(ValueError, match=r"solver\.dt=0\.01 s exceeds the stability bound .*E=10000, nu=0\.4"):
+        require_stable(s)
+    assert "exceeds" in require_stable(setting(dt=0.01, dt_override=True))
+    assert require_stable(setting(dt=1e-4)) == ""
+
+
+def test_blow_up_stops_the_run_and_names_the_particle() -> None:
+    s = setting(dt=6e-3, dt_override=True)
+    s.loading = Loading(offset=0.15, thickness=0.05, speed=1.0)
+    s.capture = Capture(frames=60)
+    with pytest.raises(SimulationError, match=r"frame \d+.*(field v|field F)"):
+        list(Simulator(s, bar(s.solver)).frames())
+
+
+def test_physical_damping_does_not_depend_on_dt_and_the_papers_factors_do() -> None:
+    s = setting(viscosity=44.444444)
+    s.material.decay = 5.0012504
+    assert damping(s, 1e-4).viscosity == damping(s, 2e-4).viscosity == s.material.viscosity
+    assert damping(s, 2e-4).keep == pytest.approx(damping(s, 1e-4).keep ** 2)
+    s.solver.damping = "per_substep"
+    # r = 4 dt (2 eta) / (density h^2) is 0.5 again, whatever dt and h are.
+    for dt in (DT0, 3 * DT0):
+        r = 4 * dt * damping(s, dt).viscosity / (200 * s.solver.h**2)
+        assert r == pytest.approx(0.5, rel=1e-6)
+        assert damping(s, dt).keep == pytest.approx(0.9995, rel=1e-8)
+    s.solver.damping = "none"
+    assert damping(s, DT0).viscosity == 0
+    assert damping(s, DT0).keep == 1
