@@ -1,5 +1,7 @@
 """Pull an object until it tears: Gaussian MPM with damage, rendered as RGB and aligned physics maps."""
 
+from typing import Any
+
 from fracsim.vocab import (
     Asset,
     Backend,
@@ -23,6 +25,21 @@ __all__ = [
     "Loading",
     "Material",
     "Output",
+    "Run",
     "Scene",
     "Solver",
+    "compose",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """`Run` and `compose` load Taichi and Hydra, so they are imported when first used."""
+    if name == "Run":
+        from fracsim.run import Run
+
+        return Run
+    if name == "compose":
+        from fracsim.configs import compose
+
+        return compose
+    raise AttributeError(f"module 'fracsim' has no attribute {name!r}")

@@ -41,7 +41,7 @@ def register() -> None:
 
     store = ConfigStore.instance()
     store.store(name="scene", node=Scene)
-    text = (HEADER + "\nFields (built-in defaults; a chosen group may set others; {allowed values}):\n" + knobs() + "\n")
+    text = f"{HEADER}\nFields (built-in defaults; a chosen group may set others; {{allowed values}}):\n{knobs()}\n"
     store.store(
         group="hydra/help",
         name="fracsim",

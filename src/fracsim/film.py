@@ -36,7 +36,8 @@ def view_of(scene: Scene) -> View:
     """The camera of a scene; by default one that sees the whole motion of the grips."""
     c = scene.camera
     if c.matrix:
-        return View(np.reshape(c.matrix, (4, 4)), *c.intrinsics, c.width, c.height)
+        fx, fy, cx, cy = c.intrinsics
+        return View(np.reshape(c.matrix, (4, 4)), fx, fy, cx, cy, c.width, c.height)
     way = scene.loading.speed * scene.capture.duration
     u = np.abs(scene.loading.axis)
     half = MARGIN * (scene.asset.size / 2 + way * u)

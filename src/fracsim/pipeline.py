@@ -7,7 +7,7 @@ import numpy as np
 from fracsim import backend, console, registry, sample
 from fracsim.asset.build import build
 from fracsim.film import Film
-from fracsim.records import Array, Frame, Particles
+from fracsim.records import Frame, Particles
 from fracsim.sample import Writer
 from fracsim.simulate import SimulationError, Simulator
 from fracsim.stopwatch import Stopwatch
@@ -81,8 +81,8 @@ def _extras(scene: Scene, folder: Path, frame: Frame, particles: Particles) -> N
     """Files a frame for other programs, on request."""
     if scene.capture.particles:
         (folder / "particles").mkdir(exist_ok=True)
-        state: dict[str, Array] = {"x": frame.x, "v": frame.v, "F": frame.F, "tau": frame.tau, "d": frame.d}
-        np.savez(folder / "particles" / f"{frame.index:04d}.npz", **state)
+        path = folder / "particles" / f"{frame.index:04d}.npz"
+        np.savez(path, x=frame.x, v=frame.v, F=frame.F, tau=frame.tau, d=frame.d)
     if scene.capture.gaussians:
         from fracsim.asset import ply
 

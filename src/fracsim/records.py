@@ -35,7 +35,7 @@ class Particles:
         for name, tail in (("X", (3,)), ("volume", ()), ("covariance", (6,)), ("opacity", ()), ("surface", ())):
             shape = getattr(self, name).shape
             assert shape == (n, *tail), f"Particles.{name} has shape {shape}, expected {(n, *tail)}"
-        assert self.sh.ndim == 3 and len(self.sh) == n and self.sh.shape[2] == 3
+        assert self.sh.shape == (n, self.sh.shape[1], 3)
 
     def __len__(self) -> int:
         return len(self.X)
@@ -62,7 +62,8 @@ class Frame:
     @property
     def J(self) -> Array:
         """Volume ratios det F, (N,)."""
-        return np.linalg.det(self.F)
+        J: Array = np.linalg.det(self.F)
+        return J
 
     @property
     def stress(self) -> Array:

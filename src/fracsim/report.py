@@ -63,9 +63,9 @@ class Report:
         self.scene, self.warnings = scene, [*particles.notes, *warnings]
         reach = failure_reach(scene, particles)
         if scene.solver.formulation == "updated" and reach > TEARING:
-            needed = math.ceil(scene.fracture.crit / 0.85)
+            needed, near = math.ceil(scene.fracture.crit / 0.85), TEARING / reach * scene.fracture.crit
             self.warnings.append(
-                f"solver.formulation=updated tears numerically at a stretch of about {TEARING / reach * scene.fracture.crit:.2f}, "
+                f"solver.formulation=updated tears numerically near a stretch of {near:.2f}, "
                 f"before fracture.crit={scene.fracture.crit:g}: use total, or solver.particles_per_axis={needed}"
             )
         self.mass = particles.volume.astype(np.float64) * scene.material.density
@@ -165,14 +165,14 @@ class Report:
 
     def fault(self, kind: int, p: int, frame: int, step: int, x: Array, v: Array) -> str:
         """The message for a fault of particle p."""
-        where = f"frame {frame}, substep {self.substeps - step} before the last of {self.substeps}, particle {p} at {x.round(3)} m"
+        where = f"frame {frame}, substep {step}, particle {p} at {x.round(3)} m"
         if kind == slot.GRID_FAULT:
-            return f"{where} left the grid (field x): it flew off, or the motion is larger than the grid. " \
-                   "Use solver.formulation=total, or fewer capture.frames."  # fmt: skip
-        if not np.isfinite(v).all():
-            return f"{where}: field v is not finite. Likely the substep is too long for this material: " \
-                   "use solver.dt=auto or a smaller solver.safety."  # fmt: skip
-        return f"{where}: field v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={self.scene.solver.max_speed:g}. " \
-               "Likely the simulation is unstable: use solver.dt=auto or a smaller solver.safety."  # fmt: skip
-
-
+            return (
+                f"{where} left the grid (field x): it flew off, or the motion is larger than the grid. "
+                "Use solver.formulation=total, or fewer capture.frames."
+            )
+        what = f"v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={self.scene.solver.max_speed:g}"
+        return (
+            f"{where}: field {what if np.isfinite(v).all() else 'v is not finite'}. The simulation is unstable, "
+            "likely because the substep is too long: use solver.dt=auto or a smaller solver.safety."
+        )

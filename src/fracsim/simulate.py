@@ -72,7 +72,7 @@ class Simulator:
             self.state.run(n, dt, t)
             t, left = t + n * dt, left - n * dt
             self.report.advanced(n, dt, t)
-            self._check(k)
+            self._check(k, self.report.substeps - n)
             self.progress(self.report.substeps, dt, t)
             if not self.state.total:
                 self._follow()
@@ -81,7 +81,7 @@ class Simulator:
         """Length and number of the next substeps; all those left in the frame are equally long."""
         s = self.scene
         if isinstance(s.solver.dt, str):
-            bound = limit(s, peaks.stiffness, peaks.compression, peaks.fastest, peaks.rate)
+            bound = limit(s, peaks.stiffness, peaks.fastest, peaks.rate)
             self.dt = min(bound, self.dt * GROWTH**ROUND)
         else:
             self.dt = s.solver.dt
@@ -99,13 +99,13 @@ class Simulator:
         if moved > MARGIN / 2 * self.scene.solver.h:
             self.state.relayout(self.state.X0 + self.state.U.to_numpy())
 
-    def _check(self, k: int) -> None:
+    def _check(self, k: int, before: int) -> None:
         """Raise SimulationError for the first fault since the last look."""
         kind, p, step = self.state.fault()
         if kind != slot.NO_FAULT:
             x = self.state.X0[p] + self.state.U.to_numpy()[p] + np.asarray(CENTRE)
             v = self.state.V.to_numpy()[p]
-            raise SimulationError(self.report.fault(kind, p, k, step, x, v))
+            raise SimulationError(self.report.fault(kind, p, k, max(before + step, 0), x, v))
         clamped = self.state.booked()[slot.CLAMPED] - self.report.clamped
         self.report.clamped += int(clamped)
         if clamped > max(MAX_CLAMPED * self.state.n, 1) * ROUND:
@@ -143,5 +143,3 @@ class Simulator:
         verdict = self.cohesion.judge(x, F, failed) if risky else "whole"
         honest = self.state.total or failure_reach(self.scene, self.particles) <= TEARING
         return "torn" if verdict == "broken" and not honest else verdict
-
-

@@ -68,7 +68,9 @@ def angular_momentum(state: State) -> Array:
     x = state.X0.astype(np.float64) + state.U.to_numpy()
     C, F = state.C.to_numpy().astype(np.float64), state.F.to_numpy().astype(np.float64)
     A = C @ F.transpose(0, 2, 1) if state.total else C
-    spin = state.scene.solver.h**2 / 4 * np.stack(
-        [A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1
+    spin = (
+        state.scene.solver.h**2
+        / 4
+        * np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1)
     )
     return (m[:, None] * (np.cross(x, state.V.to_numpy()) + spin)).sum(axis=0)

@@ -15,9 +15,7 @@ CELLS = 50
 H = 2 / CELLS
 
 
-def softening(
-    law: str, E: float, nu: float, onset: float, crit: float, speed: float, form: str = "total"
-) -> Simulator:
+def softening(law: str, E: float, nu: float, onset: float, crit: float, speed: float, form: str = "total") -> Simulator:
     """A bar of 4 x 4 cells between sliding grips whose faces lie on nodes, 16 cells apart."""
     gauge = 16 * H
     duration = (crit + 0.1 - 1) * gauge / (2 * speed)

@@ -31,9 +31,16 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
 
     limits.estimate(asset, spacing, *implicit.measure(field, lo, hi), (lo, hi))
     filling = fill.fill(implicit.Implicit(field, lo, hi, DIFFERENCE * spacing), spacing)
+
+    def colour(P: Array, depth: Array) -> Array:
+        at = placement.to_object(P).astype(np.float32), (depth / placement.scale).astype(np.float32)
+        return np.asarray(np.clip(module.colour(*at), 0.0, 1.0))
+
     P, depth = gaussians.lifted(filling, spacing)
-    P, depth = placement.to_object(P).astype(np.float32), (depth / placement.scale).astype(np.float32)
-    return gaussians.particles(filling, np.clip(module.colour(P, depth), 0.0, 1.0), spacing)
+    rgb, top = np.empty_like(P), filling.surface
+    rgb[~top] = colour(P[~top], depth[~top])
+    rgb[top] = np.mean([colour(Q, depth[top]) for Q in gaussians.footprint(P[top], filling.normal[top], spacing)], 0)
+    return gaussians.particles(filling, rgb, spacing)
 
 
 def _placed(module: ModuleType, asset: Asset, R: Array) -> tuple[place.Placement, Array, Array]:

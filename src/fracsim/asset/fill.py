@@ -53,7 +53,8 @@ class Solid(Protocol):
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
         """Points (N, 3) moved to `depth` [m] below the nearest surface, and outward normals there, (N, 3).
 
-        A point inside that cannot get there stays, one outside becomes NaN. A zero normal means none is known.
+        Where the solid is too thin for that they go as deep as they can; NaN marks a point that got nowhere. A zero
+        normal means that none is known.
         """
 
 
@@ -116,7 +117,7 @@ def slabs(axes: list[Array]) -> list[slice]:
 def _surface(solid: Solid, band: Array, inner: Array, spacing: float) -> tuple[Array, Array]:
     """Surface particles and their normals from the lattice points next to the surface, clear of `inner`."""
     P, normal = _settled(solid, band, spacing)
-    for _ in range(2):
+    for _ in range(2 if len(P) else 0):
         for _ in range(3):
             P = P + _repulsion(P, normal, inner, spacing)
         P, normal = _settled(solid, P, spacing)

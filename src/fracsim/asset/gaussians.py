@@ -49,3 +49,12 @@ def lifted(filling: Filling, spacing: float) -> tuple[Array, Array]:
     """Where to ask for colours, points (N, 3) and depths (N,) [m]: surface particles show what is right above them."""
     P = filling.X + SKIN * spacing * filling.normal
     return P, np.where(filling.surface, 0.0, filling.depth)
+
+
+def footprint(P: Array, normal: Array, spacing: float) -> Array:
+    """Five points (5, N, 3) that a surface particle at P covers: the mean of their colours does not alias."""
+    helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    u = np.cross(normal, helper)
+    u *= 0.35 * spacing / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    v = np.cross(normal, u)
+    return np.stack([P, P + u, P - u, P + v, P - v])

@@ -21,13 +21,13 @@ class Implicit:
         self.volume: float | None = None
 
     def distance(self, axes: list[Array]) -> Array:
-        """Signed distances on a grid: the field over its gradient, which need not be 1."""
+        """Signed distances on a grid: the field, near the surface over its slope, which need not be 1."""
         d = on_grid(self.field, axes)
-        slope = np.zeros_like(d)
-        for k, axis in enumerate(axes):
-            slope += np.square(np.gradient(d, axis[1] - axis[0], axis=k))
-        out: Array = d / np.clip(np.sqrt(slope), 0.3, 3.0)
-        return out
+        near = np.abs(d) < 3.0 * (axes[0][1] - axes[0][0])
+        value, gradient = slope(self.field, points(axes, np.argwhere(near)), self.step)
+        # On a ridge differences are too small: there the distance is not made larger than the field by much.
+        d[near] = value / np.clip(np.linalg.norm(gradient, axis=1), 0.6, 3.0)
+        return d
 
     def contains(self, axes: list[Array], index: Array) -> Array:
         """Whether grid points (M, 3) are inside, (M,) bool."""
@@ -35,13 +35,19 @@ class Implicit:
 
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
         """Newton's steps along the gradient to `depth` [m]; see `fracsim.asset.fill.Solid`."""
-        start = P
-        P, normal, miss = settle(self.field, P, depth, self.step)
+        Q, normal, miss = settle(self.field, P, depth, self.step)
         lost = miss > 0.1 * depth
-        back = np.where(self.field(start[lost])[:, None] < 0, start[lost], np.nan)
-        P = P.copy()
-        P[lost] = back
-        return P, normal
+        if lost.any():
+            Q[lost], normal[lost] = self._deepest(P[lost], depth)
+        return Q, normal
+
+    def _deepest(self, P: Array, depth: float) -> tuple[Array, Array]:
+        """Points (N, 3) moved to the deepest place on the way from the surface to `depth` [m], and the normals."""
+        S, normal, _ = settle(self.field, P, 0.0, self.step)
+        way = np.linspace(0.0, depth, 9)
+        values = np.stack([self.field(S - t * normal) for t in way], axis=1)
+        Q = S - way[values.argmin(axis=1), None] * normal
+        return np.where(values.min(axis=1)[:, None] < 0, Q, np.nan), normal
 
 
 def on_grid(field: Field, axes: list[Array]) -> Array:

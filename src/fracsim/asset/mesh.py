@@ -91,10 +91,9 @@ class MeshSolid:
         S, normal = self.skin_at(P)
         Q = S - depth * normal
         opposite, other = self.skin_at(Q)
-        # Through a thin wall: what is inside stays, the other side has points of its own.
+        # What went through a thin wall goes back to the middle of it.
         lost = np.einsum("ij,ij->i", Q - opposite, other) > 0
-        inside = np.einsum("ij,ij->i", P - S, normal) < 0
-        Q[lost] = np.where(inside[lost, None], P[lost], np.nan)
+        Q[lost] = (S[lost] + opposite[lost]) / 2
         far = np.linalg.norm(P - S, axis=1) > REACH * self.spacing
         Q[far], normal[far] = P[far], 0.0
         return Q, normal
@@ -195,11 +194,8 @@ def _painted(solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: flo
 
 
 def _footprint(solid: MeshSolid, S: Array, normal: Array, spacing: float) -> Array:
-    """Mean colour (N, 3) over what a particle covers of the surface, so that fine textures do not alias."""
-    helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
-    u = np.cross(normal, helper)
-    v = np.cross(normal, u)
-    shifts = [np.zeros_like(u), u, -u, v, -v]
-    looks = [paint.sample(solid.skin, *solid.nearest(S + 0.35 * spacing * shift)[1:]) for shift in shifts]
+    """Mean colour (N, 3) over what surface particles at S (N, 3) cover."""
+    covered = gaussians.footprint(S, normal, spacing)
+    looks = [paint.sample(solid.skin, *solid.nearest(P)[1:]) for P in covered]
     mean: Array = np.mean(looks, axis=0)
     return mean

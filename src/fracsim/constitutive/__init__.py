@@ -7,6 +7,6 @@
                               and of the stiffness seen by a grid in the rest configuration.
 `bound_updated(l, J, mu, lam)` the same for dtau / d(ln stretch), as seen by a grid in the present configuration.
 
-A new law is one file here and one YAML file in conf/material. `tests/test_constitutive.py` finds it and checks psi(I) = 0,
-objectivity, symmetry, P = dpsi/dF, Hooke's law at small strain, and that the bounds hold.
+A new law is one file here and one YAML file in conf/material. `tests/sim/test_constitutive.py` finds it and checks
+psi(I) = 0, objectivity, symmetry, P = dpsi/dF, Hooke's law at small strain, and that the bounds hold.
 """

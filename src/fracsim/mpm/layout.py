@@ -1,4 +1,4 @@
-"""Where particles and nodes lie in memory: computed by NumPy, once (`total`) or when particles have moved (`updated`)."""
+"""Where particles and nodes lie in memory: found once (`total`), or again when particles have moved (`updated`)."""
 
 from dataclasses import dataclass
 

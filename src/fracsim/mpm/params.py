@@ -2,20 +2,20 @@
 
 # Parameters, one number a slot; constant during one call of a kernel.
 (DT, TIME, H, MU, LAM, DENSITY, ONSET, CRIT, ETA, KEEP) = range(10)
-"""Substep, time at its start, cell size, Lame parameters, density, thresholds, viscosity / 2, velocity kept a substep."""
+"""Substep, time at its start, cell size, Lame parameters, density, thresholds, viscosity / 2, velocity kept."""
 (SPEED, UX, UY, UZ, REACH, HALF, GX, GY, GZ, MAX_SPEED) = range(10, 20)
 """Grip speed, tearing axis, distance of the grips' middle planes, half their thickness, gravity, speed limit."""
-(LX, LY, LZ, NX, NY, NZ, WALL, RH) = range(20, 28)
-"""Lowest node and shape of the box, distance of the walls from the centre (0: none), 1 / h."""
-PARAMETERS = 28
+(LX, LY, LZ, NX, NY, NZ, WALL, RH, ETA_MAX) = range(20, 29)
+"""Lowest node and shape of the box, distance of walls from the centre (0: none), 1 / h, largest viscosity / 2."""
+PARAMETERS = 29
 
 # Books: running sums in SI units, one row a thread.
 (PULL_LOW, PULL_HIGH, GRIP_WORK, DECAYED, VISCOUS, DAMAGED, RELEASED, CLAMPED, GRAVITY_WORK) = range(9)
 BOOKS = 9
 
 # Peaks of a survey: maxima over particles, one row a thread.
-(STIFFNESS, COMPRESSION, FASTEST, RATE, MOVED) = range(5)
-PEAKS = 5
+(STIFFNESS, FASTEST, RATE, MOVED) = range(4)
+PEAKS = 4
 
 # Faults: kind, particle, substep; the first one of a thread is kept.
 NO_FAULT, SPEED_FAULT, GRID_FAULT = 0, 1, 2

@@ -15,6 +15,7 @@ from fracsim.mpm.params import (
     DENSITY,
     DT,
     ETA,
+    ETA_MAX,
     EXEMPT,
     FREE,
     GRID_FAULT,
@@ -92,7 +93,7 @@ def particle_function(law_name: str, damage_name: str, total: bool, grips: str, 
         J = volume_ratio(F_p, cof)
         if J < J_MIN and d < 1:
             tally(books, row, CLAMPED, mass / mass, atomic)
-        P, power = force(law, total, F_p, cof, ti.max(J, J_MIN), C, d, K[MU], K[LAM], K[ETA])
+        P, power = force(law, total, F_p, cof, ti.max(J, J_MIN), C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX])
         if K[ETA] > 0:
             tally(books, row, VISCOUS, volume[p] * K[DT] * power, atomic)
         grip = tag[p] % EXEMPT - FREE

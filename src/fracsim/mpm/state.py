@@ -12,7 +12,7 @@ from fracsim.mpm.grips import half_reach, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, layout
 from fracsim.mpm.survey import observe, survey
-from fracsim.mpm.timestep import damping
+from fracsim.mpm.timestep import MAX_RPIC, damping
 from fracsim.records import Array, Particles
 from fracsim.vocab import CENTRE, Scene
 
@@ -32,7 +32,6 @@ class Peaks:
     """Maxima over the particles at one instant."""
 
     stiffness: float
-    compression: float
     fastest: float
     rate: float
     moved: float
@@ -126,6 +125,7 @@ class State:
         damp = damping(self.scene, dt)
         self.K[slot.DT], self.K[slot.TIME] = dt, t
         self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
+        self.K[slot.ETA_MAX] = MAX_RPIC * self.scene.material.density * self.scene.solver.h**2 / (8 * dt)
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
         kernel = substeps(s.material.law, s.fracture.law, self.total, s.loading.grips, self.drive, self.real, self.wide)
@@ -158,4 +158,5 @@ class State:
 
     def booked(self) -> Array:
         """The running sums, (BOOKS,) float64."""
-        return np.asarray(self.books.to_numpy(), np.float64).sum(axis=0)
+        sums: Array = np.asarray(self.books.to_numpy(), np.float64).sum(axis=0)
+        return sums

@@ -4,21 +4,35 @@ import taichi as ti
 
 
 @ti.func
-def force(law: ti.template(), total: ti.template(), F, K, J, C, d, mu, lam, eta):
+def stiffening(K, J):
+    """1 / lambda_min^2, or a little more: how much stiffer compression makes a viscosity felt at rest.
+
+    The largest eigenvalue of F^-1 F^-T is at most q + 2 p (closed form of a symmetric 3 x 3 matrix).
+    """
+    B = K.transpose() @ K / (J * J)
+    q = B.trace() / 3
+    deviator = B.norm_sqr() - 3 * q * q
+    return q + 2 * ti.sqrt(ti.max(deviator, 0) / 6)
+
+
+@ti.func
+def force(law: ti.template(), total: ti.template(), F, K, J, C, d, mu, lam, eta, eta_max):
     """The stress that `scatter` needs, and the viscous power a volume.
 
     (1 - d) tau is the degraded Kirchhoff stress (Eq. 5); the viscosity adds eta (L + L^T), which for the affine
-    velocity C of the present configuration is RPIC damping exactly. In the rest configuration L = C F^-1 and the
-    result is P = tau F^-T; in the present one it is tau.
+    velocity C of the present configuration is RPIC damping exactly. In the rest configuration L = C F^-1, the result
+    is P = tau F^-T, what is damaged is less viscous too, and eta is at most what an explicit substep can bear; in the
+    present one the result is tau.
     """
     P = (1 - d) * law.piola(F, K, J, mu, lam)
     power = d * 0
     if ti.static(total):
         if eta > 0:
+            bearable = ti.min((1 - d) * eta, eta_max / stiffening(K, J))
             L = C @ K.transpose() / J
             twice_D = L + L.transpose()
-            power = eta / 2 * twice_D.norm_sqr()
-            P += (eta / J) * (twice_D @ K)
+            power = bearable / 2 * twice_D.norm_sqr()
+            P += (bearable / J) * (twice_D @ K)
     else:
         twice_D = C + C.transpose()
         power = eta / 2 * twice_D.norm_sqr()

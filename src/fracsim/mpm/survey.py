@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 
 from fracsim.mpm.kernels import CHUNK, types
-from fracsim.mpm.params import COMPRESSION, FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
+from fracsim.mpm.params import FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
 from fracsim.mpm.tensor import J_MIN, cofactor, max_stretch, principal_stretches, rotation, volume_ratio
 from fracsim.records import Array
 from fracsim.registry import load
@@ -15,7 +15,7 @@ from fracsim.registry import load
 
 @cache
 def survey(law_name: str, total: bool, real: Any) -> Any:
-    """The kernel `peaks[chunk, slot] = max over particles of` (stiffness bound, |F^-1|^2, speed, rate, moved).
+    """The kernel `peaks[chunk, slot] = max over particles of` (stiffness bound, speed, rate, moved).
 
     Arguments: parameters, U, V, C, F, D, displacements at the last layout, start, peaks.
     """
@@ -31,10 +31,8 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
         out = ti.Vector.zero(real, PEAKS)
         if ti.static(total):
             out[STIFFNESS] = law.bound_total(l, J, K[MU], K[LAM])
-            out[COMPRESSION] = 1 / (l[2] * l[2])
         else:
             out[STIFFNESS] = law.bound_updated(l, J, K[MU], K[LAM])
-            out[COMPRESSION] = l[2] / l[2]
         out[FASTEST] = V[p].norm()
         out[RATE] = C[p].norm()
         out[MOVED] = ti.abs(U[p] - anchor[p]).max()

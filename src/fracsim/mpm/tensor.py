@@ -90,6 +90,4 @@ def principal_stretches(F):
     largest = q + 2 * p * ti.cos(angle)
     least = q + 2 * p * ti.cos(angle + 2 * math.pi / 3)
     tiny = 1e-6
-    return ti.Vector(
-        [ti.sqrt(largest), ti.sqrt(ti.max(3 * q - largest - least, tiny)), ti.sqrt(ti.max(least, tiny))]
-    )
+    return ti.Vector([ti.sqrt(largest), ti.sqrt(ti.max(3 * q - largest - least, tiny)), ti.sqrt(ti.max(least, tiny))])

@@ -9,6 +9,10 @@ ROTATION = 0.5
 """A particle may turn or stretch by at most this much in a substep: dt |C| <= ROTATION."""
 COURANT = 0.3
 """In `updated` a particle may cross at most this part of a cell in a substep."""
+MAX_RPIC = 1.2
+"""In `total` compression 1 / lambda_min^2 makes the viscosity felt more; each particle's is held at what RPIC damping
+of this r would be, so that a few crushed particles at a crack do not shorten everybody's substep. `limit` keeps r of
+the undeformed material at 1 at most."""
 GROWTH = 1.05
 """A substep may be longer than the last one by at most this factor."""
 
@@ -34,12 +38,11 @@ def damping(scene: Scene, dt: float) -> Damping:
     return Damping(r * material.density * scene.solver.h**2 / (4 * dt), math.exp(-material.decay * DT0))
 
 
-def stable(scene: Scene, stiffness: float, compression: float) -> float:
+def stable(scene: Scene, stiffness: float) -> float:
     """Largest stable substep of an isolated particle [s].
 
     With C' = (1 - r) C - dt 4 / (density h^2) P(F), F' = F + dt C' and stiffness M = |dP/dF| it is the root of
-    dt^2 k + 2 b dt = 4, where k = 4 M / (density h^2) and b dt = r: h sqrt(density / M) sqrt(1 - r / 2). The viscosity
-    in the rest configuration is felt 1 / lambda_min^2 (`compression`) as much.
+    dt^2 k + 2 b dt = 4, where k = 4 M / (density h^2) and b dt = r: h sqrt(density / M) sqrt(1 - r / 2).
     """
     inertia = scene.material.density * scene.solver.h**2
     k = 4 * stiffness / inertia
@@ -48,18 +51,20 @@ def stable(scene: Scene, stiffness: float, compression: float) -> float:
     if scene.solver.damping == "per_substep":
         r = 4 * scene.material.viscosity * DT0 / (scene.material.density * H0**2)
         return math.sqrt(max(4 - 2 * r, 0.0) / k)
-    b = 4 * scene.material.viscosity * compression / inertia
+    b = 4 * scene.material.viscosity / inertia
     return (math.sqrt(b * b + 4 * k) - b) / k
 
 
 def stable_at_rest(scene: Scene) -> float:
     """Largest stable substep of the undeformed material [s]."""
-    return stable(scene, 3 * scene.material.lam + 2 * scene.material.mu, 1.0)
+    return stable(scene, 3 * scene.material.lam + 2 * scene.material.mu)
 
 
-def limit(scene: Scene, stiffness: float, compression: float, fastest: float, rate: float) -> float:
+def limit(scene: Scene, stiffness: float, fastest: float, rate: float) -> float:
     """The substep that `dt: auto` takes at the present state [s]."""
-    dt = scene.solver.safety * stable(scene, stiffness, compression)
+    dt = scene.solver.safety * stable(scene, stiffness)
+    if scene.solver.damping == "physical" and scene.material.viscosity > 0:
+        dt = min(dt, scene.material.density * scene.solver.h**2 / (4 * scene.material.viscosity))
     if rate > 0:
         dt = min(dt, ROTATION / rate)
     if fastest > 0 and scene.solver.formulation == "updated":

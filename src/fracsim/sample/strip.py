@@ -27,6 +27,11 @@ FAINT = np.float32(0.05)
 """Coverage below which a pixel is too faint to be measured."""
 
 
+def reduction(width: int) -> int:
+    """Whole factor by which pictures of this width shrink."""
+    return -(-width // WIDEST)
+
+
 @dataclass(frozen=True)
 class Panel:
     """A map in the strip."""
@@ -48,7 +53,7 @@ class Strip:
     """Collects frames and encodes them; width and height [px] are those of the sample."""
 
     def __init__(self, folder: Path, width: int, height: int, rgb: bool, panels: list[Panel], fps: float) -> None:
-        self._factor = -(-width // WIDEST)
+        self._factor = reduction(width)
         self._shape = -(-height // self._factor), -(-width // self._factor)
         self._rgb, self._panels, self._fps = rgb, panels, fps
         self._peaks = {panel.name: 0.0 for panel in panels}
@@ -148,12 +153,15 @@ def scalar(planes: Array, colours: str) -> Array:
 
 
 def vectors(planes: Array) -> Array:
-    """Colours 0..255 of (right, up) vectors up to 1 long, [2, H, W] to [H, W, 3]: direction as hue, zero light grey."""
+    """Colours 0..255 of (right, up) vectors up to 1 long, [2, H, W] to [H, W, 3]: direction as hue on light grey.
+
+    The saturation is the root of the length, because the recoil after a break is several times as fast as the pull.
+    """
     right, up = planes
     turn = np.arctan2(-up, right) * np.float32(128 / np.pi)
     hue = _table("hsv")[np.floor(turn).astype(np.int32) % 256]
-    length = np.minimum(np.hypot(right, up), 1)[..., None]
-    return np.asarray(225 + (hue - 225) * length)
+    saturation = np.sqrt(np.minimum(np.hypot(right, up), 1))[..., None]
+    return np.asarray(225 + (hue - 225) * saturation)
 
 
 @cache

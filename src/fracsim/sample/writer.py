@@ -17,7 +17,7 @@ from fracsim.sample import schema
 from fracsim.sample.folder import claim, find, publish, shelve
 from fracsim.sample.provenance import provenance
 from fracsim.sample.quantise import LEVELS, quantise
-from fracsim.sample.strip import Panel, Strip
+from fracsim.sample.strip import Panel, Strip, reduction
 from fracsim.sample.video import Encoder
 from fracsim.vocab import Scene
 
@@ -81,9 +81,11 @@ class Writer:
         return bool(self._rgb or self._modules)
 
     def _estimate(self) -> int:
-        """Bytes that the sample and its scratch file may need at most; textured objects took a third of it."""
+        """Bytes that the sample and its scratch file may need; the videos of textured objects took a third or less."""
         channels = sum(module.CHANNELS for module in self._modules.values())
-        per_pixel = 1.0 * self._rgb + 0.8 * (channels + self._pictures)
+        per_pixel = 0.5 * self._rgb + 0.4 * (channels + self._pictures)
+        if self._scene.capture.strip:
+            per_pixel += (3 * self._rgb + self._pictures + 2 * channels) / reduction(self._width) ** 2
         return int(self._scene.capture.frames * self._width * self._height * per_pixel) + self._late_bytes()
 
     def _late_bytes(self) -> int:
@@ -227,7 +229,7 @@ class Writer:
         self._close_scratch()
         for name, about in self._meta["maps"].items():
             about["largest"] = self._largest[name]
-            about["scale"] = self._modules[name].SCALE or self._largest[name]
+            about["scale"] = self._modules[name].SCALE or self._largest[name] or 1.0  # never 0, one divides by it
         self._meta |= {
             "complete": complete, "reason": reason, "frames": self.frames, "report": report, "seconds": seconds,
             "files": schema.inventory(self.folder), "ranges": self._ranges,
