@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from fracsim.version import __version__
 from fracsim.vocab import (
     Asset,
     Backend,
@@ -15,7 +16,6 @@ from fracsim.vocab import (
     Solver,
 )
 
-__version__ = "0.1.0"
 __all__ = [
     "Asset",
     "Backend",
@@ -28,6 +28,7 @@ __all__ = [
     "Run",
     "Scene",
     "Solver",
+    "__version__",
     "compose",
 ]
 

@@ -39,6 +39,26 @@ class Cohesion:
         label = connected_components(graph, directed=False)[1]
         return bool(np.isin(label[self.side < 0], label[self.side > 0]).any())
 
+    def fragments(self, failed: Array) -> Array:
+        """Labels 0, 1, ... of the pieces that bonds of intact particles hold together, largest first, -1 for failed
+        particles, (N,)."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        bonds, n = self._pairs(), len(self.X)
+        alive = bonds[~(failed[bonds[:, 0]] | failed[bonds[:, 1]])]
+        graph = coo_matrix((np.ones(len(alive), np.int8), (alive[:, 0], alive[:, 1])), shape=(n, n))
+        label = connected_components(graph, directed=False)[1]
+        size = np.bincount(label[~failed], minlength=label.max() + 1)
+        rank = np.empty(len(size), np.int64)
+        rank[np.argsort(-size, kind="stable")] = np.arange(len(size))
+        return np.where(failed, -1, rank[label])
+
+    def joins(self, label: Array) -> bool:
+        """Whether one fragment reaches from grip to grip."""
+        low, high = label[self.side < 0], label[self.side > 0]
+        return bool(np.isin(low[low >= 0], high[high >= 0]).any())
+
     def judge(self, x: Array, F: Array, failed: Array) -> str:
         """`whole`, `broken` (by damage) or `torn` (numerically: intact bonds parted)."""
         bonds = self._pairs()

@@ -32,13 +32,14 @@ class Ride:
         near = cKDTree(self.X[intact]).query(self.X[failed], k=min(CARRIERS, len(intact)))[1]
         self.carriers = intact[near.reshape(self.count, -1)]
 
-    def __call__(self, x: Array, v: Array, F: Array, failed: Array) -> None:
-        """Overwrite x, v and F of the failed particles in place."""
+    def __call__(self, x: Array, v: Array, F: Array, failed: Array, fragment: Array) -> None:
+        """Overwrite x, v and F of the failed particles in place; carriers belong to one fragment."""
         if not failed.any() or failed.all():
             return
         self._choose(failed)
         s = self.carriers
         near = np.linalg.norm(x[s] - x[s[:, :1]], axis=2) < TOGETHER * self.h
+        near &= fragment[s] == fragment[s[:, :1]]
         weight = (near / near.sum(axis=1, keepdims=True)).astype(x.dtype)
         to = x[s] + np.einsum("pkij,pkj->pki", F[s], self.X[failed][:, None] - self.X[s])
         x[failed] = np.einsum("pk,pki->pi", weight, to)

@@ -18,6 +18,8 @@ from fracsim.vocab import CENTRE, Scene
 
 ROUND = 16
 """Substeps between two looks at the stability bound."""
+RISKY = 1.2
+"""Below this stretch the grid of `updated` does not tear anything."""
 MAX_CLAMPED = 1e-3
 """Fraction of particles whose J may be clamped in a substep before the run stops."""
 
@@ -49,10 +51,10 @@ class Simulator:
         self.state = State(scene, self.particles)
         self.report = Report(scene, self.particles, self.state.tag, [warning] if warning else [])
         self.progress = progress or (lambda n, dt, t: None)
-        side = self.state.tag % slot.EXEMPT - slot.FREE
-        self.side = side
+        self.side = self.state.tag % slot.EXEMPT - slot.FREE
         self.ride = Ride(self.particles.X, scene.solver.h)
-        self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, side)
+        self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, self.side)
+        self.fragment = np.zeros(len(self.particles), np.int64)
         self.dt = math.inf
 
     def frames(self) -> Iterator[Frame]:
@@ -88,7 +90,8 @@ class Simulator:
         if not self.dt > 0:
             raise SimulationError(f"the substep at t has no bound: {peaks}; the material has blown up.")
         steps = max(1, math.ceil(left / self.dt - 1e-6))
-        dt, n = left / steps, min(steps, ROUND)
+        dt = left / steps
+        n = math.ceil(steps / math.ceil(steps / ROUND))  # rounds of equal length, none of a single substep
         if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
         return dt, n
@@ -123,11 +126,13 @@ class Simulator:
         if self.scene.loading.grips == "rigid":
             shift = self.side[held, None] * self.scene.loading.speed * t * np.asarray(self.scene.loading.axis)
             x[held] = (self.particles.X[held] + shift).astype(np.float32)
+        if s.total:
+            self._part()
         v, F, d = s.V.to_numpy(), s.F.to_numpy(), s.D.to_numpy()
         tau, energy, stretch = s.observe()
         failed = d >= 1
         if s.total:
-            self.ride(x, v, F, failed)
+            self.ride(x, v, F, failed, self.fragment)
         verdict = self._verdict(x, F, failed)
         frame = Frame(k, t, x, v.astype(np.float32), F.astype(np.float32), tau.astype(np.float32), d.astype(np.float32))
         intact = stretch[~failed] if s.total else stretch
@@ -135,11 +140,31 @@ class Simulator:
         self.report.frame(frame, Books.of(s.booked()), energy, largest, s.C.to_numpy(), verdict)
         return frame
 
+    def _part(self) -> None:
+        """In `total`, give fragments that hold together no longer nodes of their own; what is too small for the grid
+        fails with the crack."""
+        d = self.state.D.to_numpy()
+        if int((d >= 1).sum()) == int((self.fragment < 0).sum()):
+            return
+        label = self.cohesion.fragments(d >= 1)
+        size = np.bincount(label[label >= 0])
+        crumb = (label >= 0) & (size[label] < self.scene.solver.particles_per_axis**3) & (self.side == 0)
+        if crumb.any():
+            d[crumb], label[crumb] = 1, -1
+            self.state.D.from_numpy(d)
+        intact = label >= 0
+        if (label[intact] != self.fragment[intact]).any():
+            self.state.split(label)
+        self.fragment = label
+
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
-        """What `Cohesion` says, asked only until the object has parted and once it can have."""
+        """Whether the object has just parted, and why; asked only until it has and once it can have."""
         if self.report.parted:
             return "parted"
-        risky = failed.any() or (not self.state.total and self.report.stretch_max > 1.2)
-        verdict = self.cohesion.judge(x, F, failed) if risky else "whole"
-        honest = self.state.total or failure_reach(self.scene, self.particles) <= TEARING
+        if self.state.total:
+            return "whole" if self.cohesion.joins(self.fragment) else "broken"
+        if self.report.stretch_max < RISKY:
+            return "whole"
+        verdict = self.cohesion.judge(x, F, failed)
+        honest = failure_reach(self.scene, self.particles) <= TEARING
         return "torn" if verdict == "broken" and not honest else verdict

@@ -1,15 +1,18 @@
 """When and where things tear, against closed forms; and that numerical tearing is told from damage."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from fracsim import Capture, Fracture, Loading, Material, Solver
+from fracsim import Asset, Capture, Fracture, Loading, Material, Solver
+from fracsim.asset.build import build
 from fracsim.cohesion import Cohesion
 from fracsim.records import Particles
 from fracsim.ride import Ride
 from fracsim.simulate import Simulator
 
-from .bars import bar, lattice, particles, scene
+from .bars import bar, free, lattice, particles, scene
 
 CELLS = 50
 H = 2 / CELLS
@@ -89,6 +92,59 @@ def test_notched_bar_breaks_at_its_notch() -> None:
     pytest.fail("nothing failed")
 
 
+def test_fragments_do_not_tie_each_other() -> None:
+    """Halves of a bar with a failed layer of one particle between them fly apart without any strain."""
+    s = scene(
+        material=Material(law="neo_hookean", E=2e4, nu=0.3),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(offset=0.15, thickness=0.05),
+        solver=Solver(cells=CELLS, precision="float64"),
+        capture=Capture(frames=1),
+    )
+    body = bar(s.solver)
+    body = particles(body.X[np.lexsort(body.X.T)], body.spacing)
+    state = free(s, body)
+    side = np.sign(state.X0[:, 0] - H / 4)
+    failed = np.abs(state.X0[:, 0] - H / 4) < H / 8
+    state.D.from_numpy(failed.astype(float))
+    state.V.from_numpy(np.stack([side, 0 * side, 0 * side], axis=1))
+    label = Cohesion(body.X, body.spacing, H, side.astype(int)).fragments(failed)
+    assert set(label[~failed]) == {0, 1}
+    state.split(label)
+    state.run(50, 5e-4, 0.0)
+    intact = ~failed
+    assert np.abs(state.F.to_numpy()[intact] - np.eye(3)).max() < 1e-10
+    assert np.abs(state.U.to_numpy()[intact, 0] - 0.025 * side[intact]).max() < 1e-10
+
+
+DUCK = Path(__file__).parents[3] / "shared" / "data" / "Duck.glb"
+
+
+@pytest.mark.skipif(not DUCK.exists(), reason="the duck lies beside the repository, not in it")
+@pytest.mark.parametrize("form", ["total", "updated"])
+def test_thresholds_beyond_the_pull_leave_the_duck_whole(form: str) -> None:
+    """Thresholds 6 / 7, pulled to nominal stretch 2.9: `total` stretches it on, `updated` parts it and says so."""
+    s = scene(
+        asset=Asset(kind="mesh", path=str(DUCK)),
+        material=Material(law="neo_hookean", E=2e4, nu=0.45, viscosity=0.444),
+        fracture=Fracture(onset=6, crit=7),
+        loading=Loading(axis_deg=30, speed=0.8, offset=0.15),
+        solver=Solver(cells=75, formulation=form),
+        capture=Capture(frames=31),
+    )
+    simulator = Simulator(s, build(s.asset, s.solver.spacing, 0))
+    for _ in simulator.frames():
+        pass
+    report = simulator.report.summary()
+    if form == "total":
+        assert not simulator.report.parted
+        assert report["failed"] < 1e-3
+    else:
+        assert report["torn_frame"] is not None
+        assert report["break_frame"] is None
+        assert any("numerically torn" in w for w in report["warnings"])
+
+
 def test_failed_particles_ride_with_one_side() -> None:
     """Two halves moved apart rigidly: a failed particle moves exactly as the half that it is nearest to."""
     X = lattice((0.4, 0.1, 0.1), 0.02)
@@ -99,7 +155,7 @@ def test_failed_particles_ride_with_one_side() -> None:
     failed = np.abs(X[:, 0] - 1) < 0.035
     expected = x.copy()
     x[failed] = 0
-    Ride(X, 0.04)(x, v, F, failed)
+    Ride(X, 0.04)(x, v, F, failed, np.zeros(len(X), int))
     assert np.abs(x - expected).max() < 1e-5
     assert np.allclose(v[failed, 0], side[failed])
 

@@ -29,7 +29,7 @@ def turned(sh: Array, R: Array) -> Array:
     directions = np.random.default_rng(0).normal(size=(64, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     new, old = basis(directions), basis(directions @ R)
-    out = sh.copy()
+    out: Array = sh.copy()
     for degree in range(1, int(np.sqrt(sh.shape[1]))):
         band = slice(degree**2, (degree + 1) ** 2)
         matrix = np.linalg.lstsq(new[:, band], old[:, band], rcond=None)[0]

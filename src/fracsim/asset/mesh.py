@@ -163,13 +163,24 @@ def _open_note(doubtful: Array) -> str:
 
 
 def _without_crumbs(inside: Array, doubtful: Array) -> Array:
-    """The inside with doubtful points decided by their neighbours, and without tiny parts."""
+    """The inside with doubtful points decided by their neighbours, without tiny parts and tiny doubtful pockets."""
     inside = np.where(doubtful, median_filter(inside.astype(np.uint8), 3) > 0, inside)
-    parts, n = label(inside)
+    parts, size = _parts(inside)
+    least = STRAY * size.max()
+    inside = (size >= max(least, 1))[parts]
+    pockets, size = _parts(~inside)
+    share = np.bincount(pockets.ravel(), doubtful.ravel(), len(size)) / np.maximum(size, 1)
+    tiny = (0 < size) & (size < least) & (share > 0.5)
+    out: Array = inside | tiny[pockets]
+    return out
+
+
+def _parts(mask: Array) -> tuple[Array, Array]:
+    """Numbers of the connected parts of a grid, (nx, ny, nz), 0 where there is none, and their sizes, 0 first."""
+    parts, n = label(mask)
     size = np.bincount(parts.ravel(), minlength=n + 1)
     size[0] = 0
-    out: Array = (size >= max(STRAY * size.max(), 1))[parts]
-    return out
+    return parts, size
 
 
 def _lidded(d: Array, inside: Array, spacing: float) -> Array:

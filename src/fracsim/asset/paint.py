@@ -9,7 +9,7 @@ from fracsim.records import Array
 
 LIGHT = np.array([-0.45, 0.70, 0.55]) / np.linalg.norm([-0.45, 0.70, 0.55])
 """Direction to the key light, in the world: above, left, in front, as on the built-in objects."""
-AMBIENT, KEY = 0.70, 0.30
+AMBIENT, KEY = 0.75, 0.25
 SKIN, DEEP = 1.0, 2.0
 """Depths, in spacings, down to which the surface colour reaches, and from which on the inside shows."""
 GRAIN = (24.0, 50.0)

@@ -128,11 +128,11 @@ def _inner_colours(
 ) -> Array:  # fmt: skip
     """Colours (N, 3) of interior particles: near the surface that of the Gaussians there, then the inside's own."""
     skin = np.clip(0.5 + gaussians.SH_C0 * trained.sh[:, 0], 0.0, 1.0)
-    deep = paint.inside(asset.interior, skin, (inner.X - place.HOME) / asset.size, seed)
-    if not len(inner.X):
-        return deep
-    _, near = cKDTree(trained.means).query(inner.X, k=min(4, len(skin)))
-    near = near.reshape(len(inner.X), -1)
+    rgb = paint.inside(asset.interior, skin, (inner.X - place.HOME) / asset.size, seed)
+    under = np.flatnonzero(inner.depth < paint.DEEP * spacing)
+    k = min(4, len(skin))
+    near = cKDTree(trained.means).query(inner.X[under], k=k)[1].reshape(len(under), k)
     weight = trained.opacity[near]
-    above = np.einsum("nk,nkc->nc", weight / weight.sum(axis=1, keepdims=True), skin[near])
-    return paint.blend(above, deep, inner.depth / spacing)
+    above = np.einsum("nk,nkc->nc", weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9), skin[near])
+    rgb[under] = paint.blend(above, rgb[under], inner.depth[under] / spacing)
+    return rgb

@@ -50,6 +50,13 @@ def half_reach(scene: Scene) -> float:
     return scene.loading.thickness / 2 + scene.solver.h / 2
 
 
+def owners(scene: Scene, x: Array) -> Array:
+    """Which grip, -1, 0 or +1, nodes at x [m from the object's centre] at rest, (M, 3), move with, (M,) int32."""
+    s, load = x @ np.asarray(scene.loading.axis), scene.loading
+    held = np.abs(np.abs(s) - load.offset) <= half_reach(scene)
+    return (np.sign(s) * held).astype(np.int32)
+
+
 @ti.func
 def grip_of_node(x, middle, K: ti.template()):
     """-1, 0 or +1 for a node at x [m from the object's centre] and slabs whose middle planes are at +-middle."""

@@ -38,8 +38,8 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
     Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag), grid, copies,
-    nodes, source, shift, start, books, faults. The other two run one substep: its number and whether to gather and
-    to scatter stand in the place of n.
+    nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether to gather
+    and to scatter stand in the place of n.
     """
     atomic = drive == "gpu"
     particle = particle_function(law, damage, total, grips, atomic, real)
@@ -55,8 +55,8 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
 
     @ti.kernel
     def serial(n: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix,
-               D: Scalar, volume: Scalar, tag: Index, grid: Vector4, copies: Vector4, nodes: Index, source: Table,
-               shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+               D: Scalar, volume: Scalar, tag: Index, grid: Vector4, copies: Vector4, nodes: Index, owner: Index,
+               source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
             for step in range(n + 1):
@@ -66,13 +66,13 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
                                  tag, grid, copies, books, faults)  # fmt: skip
                     if step < n:
                         for q in range(nodes.shape[0]):
-                            node(q, 0, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+                            node(q, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
 
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
                 U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
-                copies: Vector4, nodes: Index, source: Table, shift: Index, start: Index, books: Books,
-                faults: Table):  # fmt: skip
+                copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
+                books: Books, faults: Table):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0:
                 c = q // CHUNK
@@ -83,18 +83,18 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
             if q % CHUNK == 0 and scatters == 1:
                 c, chunks = q // CHUNK, shift.shape[0]
                 for i in range(c * nodes.shape[0] // chunks, (c + 1) * nodes.shape[0] // chunks):
-                    node(i, c, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+                    node(i, c, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
 
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
             U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
-            copies: Vector4, nodes: Index, source: Table, shift: Index, start: Index, books: Books,
+            copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
             faults: Table):  # fmt: skip
         for p in range(X.shape[0]):
             particle(p, 0, step, gathers == 1, scatters == 1, shift[0], sx, sy, K, X, U, V, C, F, D, volume, tag,
                      grid, copies, books, faults)  # fmt: skip
         for i in range(nodes.shape[0]):
             if scatters == 1:
-                node(i, 0, middle(step + 1, K), sx, sy, K, nodes, source, grid, copies, books)
+                node(i, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
 
     return {"serial": serial, "threads": threads, "gpu": gpu}[drive]

@@ -45,6 +45,13 @@ class Layout:
         """Strides of the first two axes; the third is 1."""
         return self.shape[1] * self.shape[2], self.shape[2]
 
+    def positions(self, aside: Array | None = None) -> Array:
+        """Positions at rest of the visited nodes [cells from the centre], (M, 3); `aside` as from `apart`."""
+        index = np.stack(np.unravel_index(self.nodes, self.shape), axis=1) + self.lowest
+        if aside is not None:
+            index[:, 0] -= aside[index[:, 0] - self.lowest[0]]
+        return index
+
     @property
     def size(self) -> int:
         """Nodes in the box."""
@@ -73,6 +80,25 @@ def layout(y: Array, chunks: int, margin: int) -> Layout:
         source[mine, c] = nodes[mine] + shift[c]
         total += (last - first) * sx
     return Layout(lowest, shape, start, nodes.astype(np.int32), source, shift, total)  # type: ignore[arg-type]
+
+
+def apart(x: Array, label: Array, h: float) -> tuple[Array, Array]:
+    """Positions x [m] with the fragments, label >= 0, moved along x by whole cells until no two share a node.
+
+    Also returns by how many cells each plane of nodes of their layout has been moved, (planes,) int. Particles without
+    a fragment (label -1) stay with the first one.
+    """
+    cell = np.floor(x[:, 0] / h - 0.5).astype(np.int64)
+    owner, count = np.maximum(label, 0), int(label.max()) + 1
+    low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, np.iinfo(np.int64).min)
+    np.minimum.at(low, owner, cell)
+    np.maximum.at(high, owner, cell)
+    planes = high - low + 3
+    first = np.concatenate([[0], np.cumsum(planes)[:-1]]) + low[0]
+    moved = first - low
+    out = x.copy()
+    out[:, 0] += (moved[owner] * h).astype(x.dtype)
+    return out, np.repeat(moved, planes)
 
 
 def _near(cell: Array, shape: tuple[int, ...], margin: int) -> Array:

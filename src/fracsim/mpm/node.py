@@ -35,8 +35,8 @@ def node_function(total: bool, grips: str, atomic: bool, real: Any) -> Any:
     """The function `node`: momentum in `copies` becomes velocity in `grid`, and `copies` is emptied."""
 
     @ti.func
-    def node(q, row, middle, sx, sy, K: ti.template(), nodes: ti.template(), source: ti.template(), grid: ti.template(),
-             copies: ti.template(), books: ti.template()):  # fmt: skip
+    def node(q, row, middle, sx, sy, K: ti.template(), nodes: ti.template(), owner: ti.template(),
+             source: ti.template(), grid: ti.template(), copies: ti.template(), books: ti.template()):  # fmt: skip
         i = nodes[q]
         sum4 = ti.Vector.zero(real, 4)
         for c in range(source.shape[1]):
@@ -55,12 +55,12 @@ def node_function(total: bool, grips: str, atomic: bool, real: Any) -> Any:
             if K[KEEP] < 1:
                 tally(books, row, DECAYED, mass * v.dot(v) / 2 * (1 - K[KEEP] ** 2), atomic)
                 v *= K[KEEP]
-            x = place(i, sx, sy, K)
-            if ti.static(grips != "soft"):
-                grip = grip_of_node(x, middle, K)
+            if ti.static(grips != "soft"):  # at rest it is known who holds a node; later the grips have moved on
+                grip = owner[q] if ti.static(total) else grip_of_node(place(i, sx, sy, K), middle, K)
                 if grip != 0:
                     v = hold(books, row, grip, mass, v, K, grips, atomic)
             if ti.static(not total):
+                x = place(i, sx, sy, K)
                 if K[WALL] > 0 and ti.max(ti.abs(x[0]), ti.abs(x[1]), ti.abs(x[2])) > K[WALL]:
                     v = ti.Vector.zero(real, 3)
         grid[i] = ti.Vector([v[0], v[1], v[2], mass])

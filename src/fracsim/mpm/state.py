@@ -8,9 +8,9 @@ import taichi as ti
 
 from fracsim import backend
 from fracsim.mpm import params as slot
-from fracsim.mpm.grips import half_reach, tags
+from fracsim.mpm.grips import half_reach, owners, tags
 from fracsim.mpm.kernels import substeps
-from fracsim.mpm.layout import Layout, layout
+from fracsim.mpm.layout import Layout, apart, layout
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import MAX_RPIC, damping
 from fracsim.records import Array, Particles
@@ -88,8 +88,9 @@ class State:
         self.K = K
         self.parameters = ti.ndarray(self.real, slot.PARAMETERS)
 
-    def relayout(self, x: Array) -> None:
-        """Lay the grid around particles at x [m from the object's centre]."""
+    def relayout(self, x: Array, aside: Array | None = None) -> None:
+        """Lay the grid around particles at x [m from the object's centre]; `aside` are the cells that the planes of
+        nodes were moved by `split`."""
         self.layout = layout(x / self.scene.solver.h, self.chunks, 0 if self.total else MARGIN)
         if max(self.layout.size, self.layout.copies) > MAX_NODES:
             raise ValueError(
@@ -97,11 +98,19 @@ class State:
             )
         self.K[slot.LX : slot.LZ + 1] = self.layout.lowest
         self.K[slot.NX : slot.NZ + 1] = self.layout.shape
-        self._place_grid(self.layout)
+        self._place_grid(self.layout, self.layout.positions(aside) * self.scene.solver.h)
         self.anchor.copy_from(self.U)
 
-    def _place_grid(self, grid: Layout) -> None:
-        """Device arrays of a layout, the momenta zero."""
+    def split(self, label: Array) -> None:
+        """Give each fragment nodes of its own (`total`): its particles, label >= 0, are moved aside in the rest
+        configuration by whole cells, which changes no weight. Fragments then share no node and do not tie each other.
+        """
+        x, aside = apart(self.X0, label, self.scene.solver.h)
+        self.X.from_numpy(x)
+        self.relayout(x, aside)
+
+    def _place_grid(self, grid: Layout, x: Array) -> None:
+        """Device arrays of a layout whose nodes are at x at rest, the momenta zero."""
 
         def device(values: Array) -> Any:
             array = ti.ndarray(ti.i32, values.shape)
@@ -111,6 +120,7 @@ class State:
         self.velocity = ti.Vector.ndarray(4, self.real, grid.size)
         self.copies = ti.Vector.ndarray(4, self.real, max(grid.copies, 1))
         self.nodes, self.source = device(grid.nodes), device(grid.source)
+        self.owner = device(owners(self.scene, x))
         self.shift, self.start = device(grid.shift), device(grid.start)
 
     def survey(self) -> Peaks:
@@ -131,8 +141,8 @@ class State:
         kernel = substeps(s.material.law, s.fracture.law, self.total, s.loading.grips, self.drive, self.real, self.wide)
         arrays = (
             *self.layout.strides, self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume,
-            self.label, self.velocity, self.copies, self.nodes, self.source, self.shift, self.start, self.books,
-            self.faults,
+            self.label, self.velocity, self.copies, self.nodes, self.owner, self.source, self.shift, self.start,
+            self.books, self.faults,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)

@@ -7,19 +7,19 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import fracsim
+from fracsim.version import __version__
 
 
 def provenance() -> dict[str, Any]:
     """Versions of the packages that shape a sample, the platform, and the commit when run from a checkout."""
     packages = {name: _version(name) for name in ("taichi", "numpy", "trimesh", "imageio-ffmpeg")}
     return {
-        "fracsim": fracsim.__version__,
+        "fracsim": __version__,
         **packages,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": platform.processor() or platform.machine(),
-        **_checkout(Path(fracsim.__file__).parents[2]),
+        **_checkout(Path(__file__).parents[3]),
     }
 
 

@@ -1,0 +1,29 @@
+"""How large the measurements are."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sizes and repeats of one run of the benchmark; the targets are about `FULL`."""
+
+    name: str
+    """`full` or `quick`."""
+    cells: int
+    """Cells along the 2 m domain; the bar of 0.6 x 0.2 x 0.2 m has 8 particles a cell."""
+    substeps: int
+    """Substeps in one timing."""
+    rounds: int
+    """Timings of each competitor."""
+    gaussians: int
+    """Gaussians of the rasteriser's picture."""
+    pixels: int
+    """Its width and height [px]."""
+    run: tuple[str, ...]
+    """What is changed in the default scene for cold and warm start."""
+    memory_cells: int
+    """Cells along the domain for the peak memory: a bar of 200,000 particles needs 203."""
+
+
+FULL = Plan("full", 150, 16, 9, 100_000, 512, (), 203)
+QUICK = Plan("quick", 30, 4, 2, 2_000, 64, ("quality=preview", "solver.cells=40", "capture.frames=3"), 50)

@@ -1,0 +1,114 @@
+"""What was measured, as rows of a table and of a CSV file."""
+
+import csv
+import datetime
+import platform
+import re
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from fracsim import backend
+from fracsim.sample.provenance import provenance
+from fracsim.vocab import Backend
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure; `most` or `least` is what it has to keep to, if anything."""
+
+    benchmark: str
+    variant: str
+    value: float
+    unit: str
+    most: float | None = None
+    least: float | None = None
+    best: float | None = None
+    """The most favourable of the repeats whose median is `value`."""
+
+    @property
+    def target(self) -> str:
+        """The target in words, or an empty string."""
+        if self.most is not None:
+            return f"<= {self.most:g}"
+        return "" if self.least is None else f">= {self.least:g}"
+
+    @property
+    def met(self) -> str:
+        """`yes` or `no`; empty without a target."""
+        if not self.target:
+            return ""
+        kept = self.value <= self.most if self.most is not None else self.value >= (self.least or 0)
+        return "yes" if kept else "no"
+
+    def without_target(self) -> "Row":
+        """The same figure when it was not measured at the size that the target is about."""
+        return Row(self.benchmark, self.variant, self.value, self.unit, best=self.best)
+
+
+def median(
+    benchmark: str, variant: str, values: Sequence[float], unit: str, most: float | None = None,
+    least: float | None = None,
+) -> Row:  # fmt: skip
+    """The row of repeated measurements: their median, and the most favourable of them."""
+    best = max(values) if least is not None else min(values)
+    return Row(benchmark, variant, statistics.median(values), unit, most, least, best)
+
+
+def machine() -> dict[str, str]:
+    """The columns that are the same for all rows: hardware, versions, commit, date."""
+    made = provenance()
+    commit = (made["git_commit"] or "unknown")[:12] + ("+dirty" if made["git_dirty"] else "")
+    return {
+        "cpu": cpu(),
+        "cores": str(backend.threads(Backend())),
+        "python": made["python"],
+        "taichi": str(made["taichi"]),
+        "numpy": str(made["numpy"]),
+        "commit": commit,
+        "date": datetime.date.today().isoformat(),
+    }
+
+
+def cpu() -> str:
+    """The model of the processor as the system names it."""
+    try:
+        named = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text())
+    except OSError:
+        named = None
+    return named[1].strip() if named else platform.processor() or platform.machine()
+
+
+def write(rows: Iterable[Row], folder: Path, size: str) -> Path:
+    """Store the rows as `<hardware>_<date>.csv` (quick ones marked as such) and return where."""
+    about = machine()
+    hardware = re.sub(r"[^a-z0-9]+", "-", re.sub(r"\(.*?\)", "", about["cpu"]).lower()).strip("-")
+    name = f"{hardware}-x{about['cores']}_{about['date']}{'' if size == 'full' else '_' + size}.csv"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / name).open("w", newline="", encoding="utf-8") as file:
+        columns = ("benchmark", "variant", "value", "best", "unit", "target", "met", "size")
+        table = csv.DictWriter(file, (*columns, *about))
+        table.writeheader()
+        for row in rows:
+            told = {name: getattr(row, name) for name in ("benchmark", "variant", "unit", "target", "met")}
+            best = "" if row.best is None else f"{row.best:.4g}"
+            table.writerow({**told, "value": f"{row.value:.4g}", "best": best, "size": size, **about})
+    return folder / name
+
+
+def table(rows: Iterable[Row]) -> Table:
+    """The rows for a person to read."""
+    out = Table("benchmark", "what", title="median of the repeats, and the best of them")
+    for name in ("value", "best"):
+        out.add_column(name, justify="right")
+    for name in ("unit", "target", "met"):
+        out.add_column(name)
+    for row in rows:
+        colour = {"yes": "green", "no": "red", "": ""}[row.met]
+        best = "" if row.best is None else f"{row.best:.4g}"
+        met = f"[{colour}]{row.met}[/]" if colour else ""
+        out.add_row(row.benchmark, row.variant, f"{row.value:.4g}", best, row.unit, row.target, met)
+    return out

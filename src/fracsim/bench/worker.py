@@ -1,0 +1,60 @@
+"""Processes that measure when they are told to."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any
+
+Answer = dict[str, Any]
+
+
+class Worker:
+    """A process `python -m fracsim.bench.<part> ...` that prepares itself and then answers each `go` by JSON.
+
+    A context manager; raises RuntimeError when the process dies.
+    """
+
+    def __init__(self, part: str, *words: object, env: Mapping[str, str] | None = None) -> None:
+        command = [sys.executable, "-m", f"fracsim.bench.{part}", *map(str, words)]
+        self._what = " ".join(command[2:])
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env)
+        self.ready = self.answer()
+
+    def go(self) -> None:
+        """Start one measurement."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("go\n")
+        self._process.stdin.flush()
+
+    def answer(self) -> Answer:
+        """Wait for the next answer; other lines, as Taichi's greeting, are passed over."""
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            if line.startswith("{"):
+                told: Answer = json.loads(line)
+                return told
+        raise RuntimeError(f"{self._what} ended with status {self._process.wait()}; see above for why.")
+
+    def measure(self) -> Answer:
+        """One measurement."""
+        self.go()
+        return self.answer()
+
+    def __enter__(self) -> "Worker":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def serve(measure: Callable[[], Answer]) -> None:
+    """The other end: say that everything is prepared, then measure at each `go` until there are no more."""
+    print(json.dumps({"ready": True}), flush=True)
+    for _ in sys.stdin:
+        print(json.dumps(measure()), flush=True)
