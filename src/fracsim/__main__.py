@@ -5,46 +5,60 @@ import sys
 from typing import Any
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+# Let Hydra's errors arrive in main(), which explains them.
+os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
 from hydra.types import RunMode
 
 from fracsim import configs
 
+BAD, INTERRUPTED = 2, 130
+"""Exit statuses."""
 FAILED: list[str] = []
-"""Errors of scenes in a multirun; the others still run."""
+"""Errors of scenes; in a multirun the others still run."""
 
 
-def fail(error: Exception) -> None:
-    """Print one clear error; a multirun goes on with the next scene."""
-    print(f"error: {error}", file=sys.stderr)
-    if HydraConfig.get().mode != RunMode.MULTIRUN:
-        sys.exit(2)
-    FAILED.append(str(error))
+def fail(message: str) -> None:
+    """Print one clear error, and remember it."""
+    FAILED.append(" ".join(message.split()))
+    print(f"error: {FAILED[-1]}", file=sys.stderr)
 
 
 @hydra.main(config_path=str(configs.folder()), config_name="simulate", version_base="1.3")
 def run(cfg: Any) -> None:
     """Run the scene of one composed configuration."""
-    from fracsim import pipeline
+    from fracsim import console, pipeline
 
+    job = HydraConfig.get()
+    if job.mode == RunMode.MULTIRUN:
+        console.scene(job.job.num + 1, job.overrides.task)
     try:
         pipeline.run(configs.scene(cfg))
     except (ValueError, OSError, RuntimeError) as error:
-        fail(error)
-    except KeyboardInterrupt:
-        print("interrupted: what was rendered so far is kept and marked incomplete", file=sys.stderr)
-        sys.exit(130)
+        fail(str(error))
 
 
 def main() -> None:
-    """Entry point; exit status 0 when every scene finished."""
-    configs.register()
-    run()
-    if FAILED:
+    """Entry point; exit status 0 when every scene finished, 2 after an error, 130 after Ctrl-C."""
+    multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
+    rest = [a for a in sys.argv[1:] if a not in multirun]
+    sys.argv[1:] = multirun + rest  # Hydra does not look for it between overrides
+    FAILED.clear()
+    try:
+        configs.register(configs.compose() if {"-h", "--help"} & set(rest) else None)
+        run()
+    except (HydraException, ValueError) as error:
+        fail(configs.explain(error, [a for a in rest if "=" in a]))
+    except KeyboardInterrupt:
+        print("interrupted: repeat the command to go on; finished samples are not made again", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    if multirun and FAILED:
         print(f"{len(FAILED)} scene(s) failed", file=sys.stderr)
-        sys.exit(1)
+    if FAILED:
+        sys.exit(BAD)
 
 
 if __name__ == "__main__":

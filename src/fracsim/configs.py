@@ -1,22 +1,15 @@
 """From YAML files and the command line to a validated `Scene`."""
 
+from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from fracsim.knob import describe
+from fracsim.manual import manual
 from fracsim.vocab import Scene
 
-HEADER = """Pull an object until it tears and film it, with pixel-aligned maps of flow, strain, stress and damage.
-
-  python -m fracsim                                    a loaf of bread, into outputs/
-  python -m fracsim asset=duck loading.axis_deg=30     a built-in rubber duck
-  python -m fracsim asset=mesh asset.path=FILE.glb material=rubber fracture=rubber
-  python -m fracsim asset=ply asset.path=point_cloud.ply
-  python -m fracsim -m material.E=2e3,6e3              several scenes in one process
-
-Choices of whole groups (asset=duck):
-$APP_CONFIG_GROUPS
-"""
+HELP = "See python -m fracsim --help."
 
 
 def folder() -> Path:
@@ -25,49 +18,83 @@ def folder() -> Path:
     return packaged if packaged.is_dir() else Path(__file__).parents[2] / "conf"
 
 
-def knobs() -> str:
-    """A table of every field of a scene: name, default, range, meaning."""
-    rows = []
-    for name, default, knob in describe(Scene):
-        allowed = " ".join(part for part in (knob.allowed(), knob.unit) if part)
-        shown = f"{name}={default if default != '' else chr(34) * 2}"
-        rows.append(f"  {shown:<44} {knob.doc}" + (f"  {{{allowed}}}" if allowed else ""))
-    return "\n".join(rows)
-
-
-def register() -> None:
-    """Make the schema and the help text known to Hydra."""
+def register(shown: Scene | None = None) -> None:
+    """Make the schema and the help text, with the values of the scene `shown`, known to Hydra."""
     from hydra.core.config_store import ConfigStore
 
     store = ConfigStore.instance()
     store.store(name="scene", node=Scene)
-    text = f"{HEADER}\nFields (built-in defaults; a chosen group may set others; {{allowed values}}):\n{knobs()}\n"
-    store.store(
-        group="hydra/help",
-        name="fracsim",
-        node={"app_name": "fracsim", "header": "", "footer": "", "template": _escape(text)},
-    )
-
-
-def _escape(text: str) -> str:
-    """Text in which Hydra's template engine replaces only $APP_CONFIG_GROUPS."""
-    return text.replace("$", "$$").replace("$$APP_CONFIG_GROUPS", "$APP_CONFIG_GROUPS")
+    template = manual(folder(), shown).replace("$", "$$") if shown else ""
+    node = {"app_name": "fracsim", "header": "", "footer": "", "template": template}
+    store.store(group="hydra/help", name="fracsim", node=node)
 
 
 def scene(cfg: Any) -> Scene:
-    """The validated scene of a composed configuration; raises ValueError for a value out of range."""
+    """The validated scene of a composed configuration; raises ValueError for a key or a value that is not allowed."""
     from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
 
-    out = OmegaConf.to_object(cfg)
+    try:
+        # Composing lets +key=value pass; merging into the schema does not.
+        merged = OmegaConf.merge(OmegaConf.structured(Scene), OmegaConf.to_container(cfg, resolve=True))
+        out = OmegaConf.to_object(merged)
+    except OmegaConfBaseException as error:
+        raise ValueError(explain(error, ())) from None
     assert isinstance(out, Scene)
     return out
 
 
 def compose(*overrides: str) -> Scene:
-    """The scene that `python -m fracsim OVERRIDES...` runs; for use from Python."""
+    """The scene that `python -m fracsim OVERRIDES...` runs; for use from Python.
+
+    Raises ValueError naming the override that cannot be used.
+    """
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
+    from hydra.errors import HydraException
 
     register()
     with initialize_config_dir(str(folder()), version_base="1.3"):
-        return scene(hydra_compose("simulate", overrides=list(overrides)))
+        try:
+            return scene(hydra_compose("simulate", overrides=list(overrides)))
+        except HydraException as error:
+            raise ValueError(explain(error, overrides)) from None
+
+
+def explain(error: Exception, overrides: Sequence[str]) -> str:
+    """What an error of Hydra or OmegaConf about `overrides` means here: the field, the value and the way out."""
+    from hydra.errors import MissingConfigException, OverrideParseException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+    if isinstance(error, OverrideParseException):
+        return (f"{error.override} cannot be read: write field=value, as material.E=2e3; a value with signs like # ( ) "
+                f"""needs two pairs of quotes, as 'asset.interior="#f2e0c0"'. {HELP}""")  # fmt: skip
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        group, _, choice = error.missing_cfg_file.rpartition("/")
+        return f"{group}={choice} is not known: choose one of {', '.join(error.options or ())}."
+    cause = error.__cause__ or error
+    if not isinstance(cause, OmegaConfBaseException) or not cause.full_key:
+        return f"{' '.join(overrides)} cannot be used: {' '.join(str(error).split())}. {HELP}"
+    field = cause.full_key.partition("[")[0]
+    values = [o.partition("=")[2] for o in overrides if o.lstrip("+~").startswith(field)]
+    if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
+        return _unknown(field, values)
+    return _mistyped(field, values, cause)
+
+
+def _unknown(field: str, values: list[str]) -> str:
+    """The error for a key that is no field."""
+    known = [name for name, _, _ in describe(Scene)]
+    section = field.partition(".")[0]
+    near = get_close_matches(field, known, n=1, cutoff=0.7)
+    siblings = [n for n in known if n.startswith(f"{section}.")] or sorted({n.partition(".")[0] for n in known})
+    way_out = f"did you mean {near[0]}?" if near else f"choose one of {', '.join(siblings)}."
+    return f"{'='.join([field, *values[:1]])} is not a field of a scene: {way_out} {HELP}"
+
+
+def _mistyped(field: str, values: list[str], cause: Exception) -> str:
+    """The error for a value of the wrong type, or that cannot be resolved."""
+    for name, default, knob in describe(Scene):
+        if name == field and values:
+            return knob.refusal(name, values[0], default)
+    return f"{'='.join([field, *values[:1]])} cannot be used: {str(cause).splitlines()[0]}. {HELP}"

@@ -3,7 +3,22 @@
 import math
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from difflib import get_close_matches
 from typing import Any
+
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+"""What to call a value of a type; a bool is an int, so it comes first."""
+
+
+def text(value: Any) -> str:
+    """A value as it is written on the command line."""
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(text(item) for item in value)}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.9g}".replace("e+0", "e").replace("e+", "e")
+    return str(value)
 
 
 @dataclass(frozen=True)
@@ -18,15 +33,33 @@ class Knob:
     choices: tuple[str, ...] = ()
 
     def allowed(self) -> str:
-        """The admissible values, for people."""
-        if self.choices:
-            return " | ".join(self.choices)
+        """The admissible values, for people; "" when the type says it all."""
+        return " | ".join([*self.choices, *self._range()])
+
+    def _range(self) -> list[str]:
+        """The interval and its unit, in a list of one, or none."""
         low, high = math.isfinite(self.least), math.isfinite(self.most)
         if not (low or high):
-            return ""
-        left = ("(" if "least" in self.open else "[") + f"{self.least:g}" if low else "(-inf"
-        right = f"{self.most:g}" + (")" if "most" in self.open else "]") if high else "inf)"
-        return f"{left}, {right}"
+            return []
+        left = ("(" if "least" in self.open else "[") + text(self.least) if low else "(-inf"
+        right = text(self.most) + (")" if "most" in self.open else "]") if high else "inf)"
+        return [f"{left}, {right} {self.unit}".rstrip()]
+
+    def wanted(self, default: Any) -> str:
+        """What a value must be, as the end of a sentence; `default` tells its type."""
+        if self.choices:
+            names = f"one of {', '.join(self.choices)}" if len(self.choices) > 1 else self.choices[0]
+            return " or ".join([names, *(f"a number in {r}" for r in self._range())])
+        many = isinstance(default, list)
+        one = (default or [0.0])[0] if many else default
+        kind = next(words for type_, words in KINDS.items() if isinstance(one, type_))
+        return " in ".join([f"a list, each item {kind}" if many else kind, *self._range()])
+
+    def refusal(self, name: str, value: Any, default: Any) -> str:
+        """The error for a value that the field called `name` cannot take: what is allowed, and the way out."""
+        example = (get_close_matches(str(value), self.choices, n=1) or [text(default)])[0]
+        way_out = f" Try {name}={example}." if example else ""
+        return f"{name}={text(value)} is not allowed: it must be {self.wanted(default)} ({self.doc}).{way_out}"
 
     def admits(self, value: Any) -> bool:
         """Whether `value` (a number, a string, or a list of either) is admissible."""
@@ -59,11 +92,7 @@ def check(section: Any, name: str) -> None:
         rule: Knob | None = f.metadata.get("knob")
         value = getattr(section, f.name)
         if rule is not None and not rule.admits(value):
-            unit = f" {rule.unit}" if rule.unit else ""
-            raise ValueError(
-                f"{name}.{f.name}={value} is not allowed: {rule.doc} must be in {rule.allowed()}{unit}. "
-                f"Set {name}.{f.name} to such a value."
-            )
+            raise ValueError(rule.refusal(f"{name}.{f.name}" if name else f.name, value, default_of(f)))
 
 
 def default_of(f: "Field[Any]") -> Any:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fracsim import Backend, Scene, Solver
 from fracsim.mpm import params as slot
+from fracsim.mpm.layout import Layout
 from fracsim.mpm.state import State
 from fracsim.records import Array, Particles
 from fracsim.vocab import CENTRE
@@ -43,9 +44,17 @@ def scene(**sections: Any) -> Scene:
     return Scene(**{"backend": Backend(threads=1), **sections})
 
 
+class FreeState(State):
+    """A state whose nodes no grip holds."""
+
+    def _place_grid(self, grid: Layout, x: Array) -> None:
+        super()._place_grid(grid, x)
+        self.owner.fill(0)
+
+
 def free(scene: Scene, body: Particles) -> State:
-    """A state whose particles and nodes no grip holds."""
-    state = State(scene, body)
+    """A state whose particles and nodes no grip holds, at rest."""
+    state = FreeState(scene, body)
     state.K[slot.HALF] = -1.0
     state.label.from_numpy(np.full(len(body), slot.FREE, np.int32))
     state.V.from_numpy(np.zeros((len(body), 3), state.dtype))

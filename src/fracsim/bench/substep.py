@@ -72,7 +72,7 @@ def contestant(name: str, cells: int, law: str, threads: int) -> Any:
     if name == "ours":
         from fracsim.bench.ours import Ours
 
-        return Ours(X, bar.velocity(X), cells, law, threads=threads)
+        return Ours(X, bar.velocity(X), cells, law, threads)
     if name == "plain":
         from fracsim.bench.plain import Plain
 
