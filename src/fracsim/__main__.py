@@ -34,9 +34,9 @@ def run(cfg: Any) -> None:
 
     job = HydraConfig.get()
     if job.mode == RunMode.MULTIRUN:
-        console.scene(job.job.num + 1, job.overrides.task)
+        console.heading(job.job.num + 1, job.overrides.task)
     try:
-        pipeline.run(configs.scene(cfg))
+        pipeline.run(configs.scene(cfg, job.overrides.task))
     except (ValueError, OSError, RuntimeError) as error:
         fail(str(error))
 
@@ -52,6 +52,7 @@ def main() -> None:
         run()
     except (HydraException, ValueError) as error:
         fail(configs.explain(error, [a for a in rest if "=" in a]))
+        sys.exit(BAD)
     except KeyboardInterrupt:
         print("interrupted: repeat the command to go on; finished samples are not made again", file=sys.stderr)
         sys.exit(INTERRUPTED)

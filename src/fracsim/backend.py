@@ -1,6 +1,8 @@
 """The only place that starts Taichi."""
 
+import io
 import os
+from contextlib import redirect_stdout
 from functools import cache
 from typing import Any
 
@@ -24,14 +26,14 @@ def start(backend: Backend) -> None:
     _require(backend.arch)
     import taichi as ti
 
-    ti.set_logging_level(ti.ERROR)
-    ti.init(
-        arch=getattr(ti, backend.arch),
-        default_fp=ti.f32,
-        offline_cache=True,
-        cpu_max_num_threads=threads(backend),
-        log_level=ti.ERROR,
-    )
+    with redirect_stdout(io.StringIO()):  # it has no option that keeps it from greeting
+        ti.init(
+            arch=getattr(ti, backend.arch),
+            default_fp=ti.f32,
+            offline_cache=True,
+            cpu_max_num_threads=threads(backend),
+            log_level=ti.ERROR,
+        )
     _started = backend
 
 
@@ -50,8 +52,10 @@ def on_cpu() -> bool:
 def _require(arch: str) -> None:
     """Raise RuntimeError when Taichi cannot run on `arch` here; it would fall back to the CPU silently."""
     os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+    os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a simulation does not ask the network
     import taichi as ti
 
+    ti.set_logging_level(ti.ERROR)
     probes: dict[str, Any] = {"cuda": ti._lib.core.with_cuda, "vulkan": ti._lib.core.with_vulkan,
                               "metal": ti._lib.core.with_metal}  # fmt: skip
     if arch in probes and not probes[arch]():

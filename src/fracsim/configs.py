@@ -29,8 +29,11 @@ def register(shown: Scene | None = None) -> None:
     store.store(group="hydra/help", name="fracsim", node=node)
 
 
-def scene(cfg: Any) -> Scene:
-    """The validated scene of a composed configuration; raises ValueError for a key or a value that is not allowed."""
+def scene(cfg: Any, overrides: Sequence[str] = ()) -> Scene:
+    """The validated scene of a configuration composed with `overrides`.
+
+    Raises ValueError for a key or a value that is not allowed.
+    """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
@@ -39,7 +42,7 @@ def scene(cfg: Any) -> Scene:
         merged = OmegaConf.merge(OmegaConf.structured(Scene), OmegaConf.to_container(cfg, resolve=True))
         out = OmegaConf.to_object(merged)
     except OmegaConfBaseException as error:
-        raise ValueError(explain(error, ())) from None
+        raise ValueError(explain(error, overrides)) from None
     assert isinstance(out, Scene)
     return out
 
@@ -56,7 +59,7 @@ def compose(*overrides: str) -> Scene:
     register()
     with initialize_config_dir(str(folder()), version_base="1.3"):
         try:
-            return scene(hydra_compose("simulate", overrides=list(overrides)))
+            return scene(hydra_compose("simulate", overrides=list(overrides)), overrides)
         except HydraException as error:
             raise ValueError(explain(error, overrides)) from None
 
@@ -74,7 +77,8 @@ def explain(error: Exception, overrides: Sequence[str]) -> str:
         return f"{group}={choice} is not known: choose one of {', '.join(error.options or ())}."
     cause = error.__cause__ or error
     if not isinstance(cause, OmegaConfBaseException) or not cause.full_key:
-        return f"{' '.join(overrides)} cannot be used: {' '.join(str(error).split())}. {HELP}"
+        named = [o for o in overrides if o in str(error)] or overrides
+        return f"{' '.join(named)} cannot be used: {' '.join(str(error).split()).rstrip('.')}. {HELP}"
     field = cause.full_key.partition("[")[0]
     values = [o.partition("=")[2] for o in overrides if o.lstrip("+~").startswith(field)]
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
@@ -86,7 +90,8 @@ def _unknown(field: str, values: list[str]) -> str:
     """The error for a key that is no field."""
     known = [name for name, _, _ in describe(Scene)]
     section = field.partition(".")[0]
-    near = get_close_matches(field, known, n=1, cutoff=0.7)
+    same = [name for name in known if name.rpartition(".")[2] == field.rpartition(".")[2]]
+    near = same or get_close_matches(field, known, n=1, cutoff=0.7)
     siblings = [n for n in known if n.startswith(f"{section}.")] or sorted({n.partition(".")[0] for n in known})
     way_out = f"did you mean {near[0]}?" if near else f"choose one of {', '.join(siblings)}."
     return f"{'='.join([field, *values[:1]])} is not a field of a scene: {way_out} {HELP}"

@@ -1,7 +1,7 @@
 """What a person sees in the terminal: progress while it runs, a table at the end."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,8 @@ from fracsim.vocab import Scene
 
 INTERRUPTED = "interrupted by the user"
 OUT = Console(highlight=False)
+LABEL = 18
+"""Columns for the names of the final table."""
 
 
 class Progress:
@@ -32,7 +34,8 @@ class Progress:
         if now - self._since > 0.5:
             rate = (done - self._done) / (now - self._since)
             self._since, self._done = now, done
-            self._bar.update(self._task, completed=t * self._fps, rate=f"{rate:.0f} substeps/s", dt=f"dt {dt:.2e} s")
+            shown = {"rate": f"{rate:.0f} substeps/s", "dt": f"dt {dt:.2e} s"}
+            self._bar.update(self._task, completed=1 + t * self._fps, **shown)
 
     def frame(self, index: int) -> None:
         """Called after each frame."""
@@ -41,29 +44,37 @@ class Progress:
 
 @contextmanager
 def progress(scene: Scene) -> Iterator[Progress]:
-    """A progress bar for the frames of a scene."""
+    """A progress bar for the frames of a scene; silent when nobody watches."""
     columns = (TextColumn("{task.description:<11}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
-               TimeRemainingColumn(), TextColumn("{task.fields[rate]}  {task.fields[dt]}"))  # fmt: skip
-    with Bar(*columns, console=OUT, transient=True) as bar:
+               TimeRemainingColumn(), TextColumn("left  {task.fields[rate]}  {task.fields[dt]}"))  # fmt: skip
+    with Bar(*columns, console=OUT, transient=True, disable=not OUT.is_terminal) as bar:
         yield Progress(bar, scene.capture.frames, scene.capture.fps)
+
+
+def heading(number: int, overrides: Sequence[str]) -> None:
+    """Say which scene of a multirun is next."""
+    OUT.print(f"\n[bold]scene {number}[/]  {escape(' '.join(overrides))}", soft_wrap=True)
 
 
 def already(path: Path) -> None:
     """Say that the sample is there."""
-    OUT.print(f"{path} is already there and whole; output.overwrite=true makes it again", soft_wrap=True)
+    OUT.print(f"{escape(str(path))} is already there and whole; output.overwrite=true makes it again", soft_wrap=True)
 
 
-def table(scene: Scene, report: Mapping[str, Any], seconds: Mapping[str, float], path: Path) -> None:
-    """Print what happened."""
-    t = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    t.add_column(style="bold")
+def table(scene: Scene, report: Mapping[str, Any], seconds: Mapping[str, float], path: Path, reason: str) -> None:
+    """Print what happened, and where it is; `reason` tells why it ended early, or is ""."""
+    t = Table(show_header=False, box=None, padding=(0, 0, 0, 0))
+    t.add_column(style="bold", width=LABEL)
     t.add_column(overflow="fold")
-    for name, value in _rows(scene, report, seconds):
+    rows = [*_rows(scene, report, seconds), *([("INCOMPLETE", reason)] if reason else [])]
+    for name, value in rows:
         t.add_row(name, escape(value))
     OUT.print(t)
     for warning in report["warnings"]:
-        OUT.print(f"[yellow]warning:[/] {escape(warning)}", soft_wrap=True)
-    OUT.print(f"[bold]sample[/]  {escape(str(path))}", soft_wrap=True)
+        OUT.print(f"[yellow]{'warning':<{LABEL}}[/]{escape(warning)}", soft_wrap=True)
+    for name, file in (("sample", path), ("to watch", path / "strip.mp4")):
+        if file.exists():
+            OUT.print(f"[bold]{name:<{LABEL}}[/]{escape(str(file))}", soft_wrap=True)
 
 
 def _rows(scene: Scene, r: Mapping[str, Any], seconds: Mapping[str, float]) -> Iterator[tuple[str, str]]:
@@ -74,19 +85,24 @@ def _rows(scene: Scene, r: Mapping[str, Any], seconds: Mapping[str, float]) -> I
     yield "largest stretch", f"{r['stretch_max']:.2f}"
     yield "damaged / failed", f"{100 * r['damaged']:.2f} % / {100 * r['failed']:.2f} % of the particles"
     yield "peak load", f"{r['peak_load']:.4g} N"
-    yield "substeps", f"{r['substeps']:,}, dt {r['dt_min']:.3g} to {r['dt_max']:.3g} s"
-    e = r["energy"]
-    work = e["grip_work"] + e["gravity_work"]
-    spent = ", ".join(f"{k.replace('_', ' ')} {v:.3g}" for k, v in e.items() if k not in ("grip_work", "gravity_work"))
-    yield "energy [J]", f"work {work:.4g} = {spent}"
+    low, high = f"{r['dt_min']:.3g}", f"{r['dt_max']:.3g}"
+    yield "substeps", f"{r['substeps']:,}, dt {low if low == high else f'{low} to {high}'} s"
+    yield "energy [J]", _energy(r["energy"])
     yield "seconds", ", ".join(f"{k} {v:.1f}" for k, v in seconds.items()) + f"; all {sum(seconds.values()):.1f}"
+
+
+def _energy(e: Mapping[str, float]) -> str:
+    """Work of grips and gravity, and where it went."""
+    work = e["grip_work"] + e["gravity_work"]
+    spent = (f"{k.replace('_', ' ')} {v:.3g}" for k, v in e.items() if v and k not in ("grip_work", "gravity_work"))
+    return f"work {work:.4g} = {' + '.join(spent) or 0}".replace("+ -", "- ")
 
 
 def _break(scene: Scene, r: Mapping[str, Any]) -> str:
     """When the object parted, and why."""
     frame = r["break_frame"] if r["break_frame"] is not None else r["torn_frame"]
     if frame is None:
-        return "whole to the end"
+        return "none, the object holds in the last frame"
     t = frame / scene.capture.fps
     stretch = 1 + 2 * scene.loading.speed * t / scene.loading.gauge
     how = "" if r["break_frame"] is not None else "NUMERICALLY TORN "

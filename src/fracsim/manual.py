@@ -6,8 +6,12 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from textwrap import fill
 
-from fracsim.knob import describe, text
+from fracsim import registry
+from fracsim.knob import Knob, describe, text
 from fracsim.vocab import Scene
+
+PLUGINS = {"material.law": "fracsim.constitutive", "fracture.law": "fracsim.damage", "capture.maps": "fracsim.maps"}
+"""Fields that name a module of a package."""
 
 HEADER = """\
 Pull an object until it tears and film it, with pixel-aligned maps of flow, strain, stress and damage.
@@ -29,6 +33,7 @@ Flags
   -h, --help       this text
   --hydra-help     what Hydra, which reads the command line, can do beside this
 """
+HARD = "\N{NO-BREAK SPACE}"
 NAME = 34
 """Columns for `field=value`."""
 
@@ -60,8 +65,17 @@ def _fields(scene: Scene, width: int) -> Iterator[str]:
             yield f"\n{head}: {(titles[head] or '').splitlines()[0]}"
         value = text(getattr(getattr(scene, head) if head else scene, leaf)) or '""'
         shown = f"  {name}={value}  "
-        about = " ".join([knob.doc, *([f"{{{knob.allowed()}}}"] if knob.allowed() else [])])
         if len(shown) > NAME:
             yield shown.rstrip()
             shown = ""
-        yield fill(about, width, initial_indent=f"{shown:<{NAME}}", subsequent_indent=" " * NAME)
+        about = fill(_about(name, knob), width, initial_indent=f"{shown:<{NAME}}", subsequent_indent=" " * NAME)
+        yield about.replace(HARD, " ")
+
+
+def _about(name: str, knob: Knob) -> str:
+    """What a field means, and {what is allowed}."""
+    allowed = " | ".join(registry.names(PLUGINS[name])) if name in PLUGINS else knob.allowed()
+    if not allowed:
+        return knob.doc
+    together = allowed.replace(" | ", "\n| ").replace(" ", HARD).replace("\n", " ")
+    return f"{knob.doc} {{{together}}}"

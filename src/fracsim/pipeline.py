@@ -29,18 +29,19 @@ def run(scene: Scene) -> Path:
     watch = Stopwatch()
     film = Film(scene)
     with Writer(scene, film.size, film.describe(), scene.capture.maps, scene.capture.rgb) as writer:
-        with watch("prepare"):
-            particles = build(scene.asset, scene.solver.spacing, scene.seed)
         with console.progress(scene) as progress:
+            with watch("prepare"):
+                particles = build(scene.asset, scene.solver.spacing, scene.seed)
             simulator = Simulator(scene, particles, progress.substeps)
             reason = _shoot(scene, simulator, film, writer, watch, progress)
         report = simulator.report
         path = writer.finish(report.summary(), vars(report.history), watch.seconds, not reason, reason)
-    console.table(scene, report.summary(), watch.seconds, path)
+    stopped = f"{writer.frames} of {scene.capture.frames} frames: {reason}" if reason else ""
+    console.table(scene, report.summary(), watch.seconds, path, stopped)
     if reason == console.INTERRUPTED:
         raise KeyboardInterrupt
     if reason:
-        raise SimulationError(f"{reason} The {writer.frames} frames until then are in {path}.")
+        raise SimulationError(f"{reason} The {writer.frames} frames before are in {path}.")
     return path
 
 
@@ -55,7 +56,7 @@ def check_names(scene: Scene) -> None:
 def _shoot(
     scene: Scene, simulator: Simulator, film: Film, writer: Writer, watch: Stopwatch, progress: console.Progress
 ) -> str:
-    """Simulate, render and write all frames; returns why it ended early, or ""."""
+    """Simulate, render and write all frames; returns why it ended early, or "". Raises when no frame was written."""
     tracked = np.zeros(0, int)
     frames = iter(watch.timed("simulate", simulator.frames()))
     try:
@@ -70,10 +71,10 @@ def _shoot(
                 writer.add(frame.index, picture.rgb, picture.alpha, picture.maps, tracks)
                 _extras(scene, writer.folder, frame, simulator.particles)
             progress.frame(frame.index)
-    except SimulationError as error:
-        return str(error)
-    except KeyboardInterrupt:
-        return console.INTERRUPTED
+    except (SimulationError, KeyboardInterrupt) as error:
+        if not writer.frames:
+            raise
+        return str(error) or console.INTERRUPTED
     return ""
 
 
