@@ -34,8 +34,8 @@ class Progress:
         if now - self._since > 0.5:
             rate = (done - self._done) / (now - self._since)
             self._since, self._done = now, done
-            shown = {"rate": f"{rate:.0f} substeps/s", "dt": f"dt {dt:.2e} s"}
-            self._bar.update(self._task, completed=1 + t * self._fps, **shown)
+            frames = 1 + t * self._fps
+            self._bar.update(self._task, completed=frames, rate=f"{rate:.0f} substeps/s", dt=f"dt {dt:.2e} s")
 
     def frame(self, index: int) -> None:
         """Called after each frame."""
@@ -45,7 +45,7 @@ class Progress:
 @contextmanager
 def progress(scene: Scene) -> Iterator[Progress]:
     """A progress bar for the frames of a scene; silent when nobody watches."""
-    columns = (TextColumn("{task.description:<11}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
+    columns = (TextColumn("{task.description:<10}"), BarColumn(16), TextColumn("{task.percentage:>3.0f}%"),
                TimeRemainingColumn(), TextColumn("left  {task.fields[rate]}  {task.fields[dt]}"))  # fmt: skip
     with Bar(*columns, console=OUT, transient=True, disable=not OUT.is_terminal) as bar:
         yield Progress(bar, scene.capture.frames, scene.capture.fps)

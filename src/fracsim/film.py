@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from fracsim import registry
+from fracsim.asset.harmonics import turned
 from fracsim.mpm.survey import rotations
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.camera import View, framing, project
@@ -108,9 +109,10 @@ class Film:
 
     @staticmethod
     def gaussians(frame: Frame, particles: Particles) -> tuple[Array, Array, Array, Array]:
-        """Means, covariances F A F^T (N, 6), opacities and SH coefficients of the deformed Gaussians."""
+        """Means, covariances F A F^T (N, 6), opacities and turned SH coefficients of the deformed Gaussians."""
         xx, xy, xz, yy, yz, zz = particles.covariance.T
         A = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
         B = frame.F @ A @ frame.F.transpose(0, 2, 1)
         upper = np.triu_indices(3)
-        return frame.x, B[:, upper[0], upper[1]], particles.opacity, particles.sh
+        sh = particles.sh if particles.sh.shape[1] == 1 else turned(particles.sh, rotations(frame.F))
+        return frame.x, B[:, upper[0], upper[1]], particles.opacity, sh

@@ -100,7 +100,14 @@ class Simulator:
         """In `updated`, lay the grid anew once somebody has moved a cell."""
         moved = float(np.abs(self.state.U.to_numpy() - self.state.anchor.to_numpy()).max())
         if moved > MARGIN / 2 * self.scene.solver.h:
-            self.state.relayout(self.state.X0 + self.state.U.to_numpy())
+            x = self.state.X0 + self.state.U.to_numpy()
+            try:
+                self.state.relayout(x)
+            except ValueError as error:
+                p = int(np.abs(x).max(axis=1).argmax())
+                raise SimulationError(
+                    f"particle {p} has flown off to {(x[p] + np.asarray(CENTRE)).round(2)} m (field x): {error}"
+                ) from error
 
     def _check(self, k: int, before: int) -> None:
         """Raise SimulationError for the first fault since the last look."""

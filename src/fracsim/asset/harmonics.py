@@ -4,6 +4,11 @@ import numpy as np
 
 from fracsim.records import Array
 
+BANDS = [slice(degree**2, (degree + 1) ** 2) for degree in range(4)]
+"""The coefficients of each degree."""
+BLOCK = 10_000
+"""Gaussians turned at once, to bound memory."""
+
 
 def basis(directions: Array) -> Array:
     """The 16 real spherical harmonics of degree 0 to 3 in unit directions (M, 3), (M, 16)."""
@@ -22,16 +27,17 @@ def basis(directions: Array) -> Array:
 
 
 def turned(sh: Array, R: Array) -> Array:
-    """Coefficients (N, K, 3) of colours that turned by R, (3, 3), with their object: f'(d) = f(R^T d).
+    """Coefficients (N, K, 3) of colours that turned with their object: f'(d) = f(R^T d), R (3, 3) or one each (N, 3, 3).
 
-    Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 64 directions, which is exact.
+    Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 24 directions, which is exact.
     """
-    directions = np.random.default_rng(0).normal(size=(64, 3))
+    directions = np.random.default_rng(0).normal(size=(24, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    new, old = basis(directions), basis(directions @ R)
+    fits = [np.linalg.pinv(basis(directions)[:, band]) for band in BANDS]
     out: Array = sh.copy()
-    for degree in range(1, int(np.sqrt(sh.shape[1]))):
-        band = slice(degree**2, (degree + 1) ** 2)
-        matrix = np.linalg.lstsq(new[:, band], old[:, band], rcond=None)[0]
-        out[:, band] = np.einsum("ij,njc->nic", matrix, sh[:, band])
+    for some in (slice(i, i + BLOCK) for i in range(0, len(sh), BLOCK)):
+        turns = R[None] if R.ndim == 2 else R[some]
+        old = basis((directions @ turns).reshape(-1, 3)).reshape(len(turns), len(directions), 16)
+        for band, fit in zip(BANDS[: int(np.sqrt(sh.shape[1]))], fits, strict=False):
+            out[some, band] = (fit @ old[:, :, band]) @ sh[some, band]
     return out

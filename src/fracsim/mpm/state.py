@@ -18,8 +18,8 @@ from fracsim.vocab import CENTRE, Scene
 
 MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
-MAX_NODES = 2**28
-"""No grid larger than this is made (4 GiB in float32)."""
+MAX_NODES = 2**26
+"""No grid larger than this is made (twice 1 GiB in float32)."""
 
 
 def reals(precision: str) -> tuple[Any, Any]:
