@@ -61,14 +61,15 @@ def already(path: Path) -> None:
     OUT.print(f"{escape(str(path))} is already there and whole; output.overwrite=true makes it again", soft_wrap=True)
 
 
-def table(scene: Scene, report: Mapping[str, Any], seconds: Mapping[str, float], path: Path, reason: str) -> None:
-    """Print what happened, and where it is; `reason` tells why it ended early, or is ""."""
+def table(scene: Scene, report: Mapping[str, Any], seconds: Mapping[str, float], path: Path, frames: int) -> None:
+    """Print what happened, how many `frames` were made, and where they are."""
     t = Table(show_header=False, box=None, padding=(0, 0, 0, 0))
     t.add_column(style="bold", width=LABEL)
     t.add_column(overflow="fold")
-    rows = [*_rows(scene, report, seconds), *([("INCOMPLETE", reason)] if reason else [])]
-    for name, value in rows:
+    for name, value in _rows(scene, report, seconds):
         t.add_row(name, escape(value))
+    if frames < scene.capture.frames:
+        t.add_row("INCOMPLETE", f"{frames} of {scene.capture.frames} frames")
     OUT.print(t)
     for warning in report["warnings"]:
         OUT.print(f"[yellow]{'warning':<{LABEL}}[/]{escape(warning)}", soft_wrap=True)

@@ -62,7 +62,7 @@ def _fields(scene: Scene, width: int) -> Iterator[str]:
         head, _, leaf = name.rpartition(".")
         if head != section:
             section = head
-            yield f"\n{head}: {(titles[head] or '').splitlines()[0]}"
+            yield "\n" + fill(f"{head}: {(titles[head] or '').splitlines()[0]}", width)
         value = text(getattr(getattr(scene, head) if head else scene, leaf)) or '""'
         shown = f"  {name}={value}  "
         if len(shown) > NAME:

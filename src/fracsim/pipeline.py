@@ -36,12 +36,11 @@ def run(scene: Scene) -> Path:
             reason = _shoot(scene, simulator, film, writer, watch, progress)
         report = simulator.report
         path = writer.finish(report.summary(), vars(report.history), watch.seconds, not reason, reason)
-    stopped = f"{writer.frames} of {scene.capture.frames} frames: {reason}" if reason else ""
-    console.table(scene, report.summary(), watch.seconds, path, stopped)
+    console.table(scene, report.summary(), watch.seconds, path, writer.frames)
     if reason == console.INTERRUPTED:
         raise KeyboardInterrupt
     if reason:
-        raise SimulationError(f"{reason} The {writer.frames} frames before are in {path}.")
+        raise SimulationError(f"{reason} Kept: {writer.frames} of {scene.capture.frames} frames, in {path}.")
     return path
 
 

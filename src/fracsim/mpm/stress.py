@@ -2,6 +2,8 @@
 
 import taichi as ti
 
+from fracsim.mpm.tensor import gram
+
 
 @ti.func
 def stiffening(K, J):
@@ -9,10 +11,11 @@ def stiffening(K, J):
 
     The largest eigenvalue of F^-1 F^-T is at most q + 2 p (closed form of a symmetric 3 x 3 matrix).
     """
-    B = K.transpose() @ K / (J * J)
-    q = B.trace() / 3
-    deviator = B.norm_sqr() - 3 * q * q
-    return q + 2 * ti.sqrt(ti.max(deviator, 0) / 6)
+    c00, c11, c22, c01, c02, c12 = gram(K)
+    q = (c00 + c11 + c22) / 3
+    a, b, c = c00 - q, c11 - q, c22 - q
+    p = ti.sqrt((a * a + b * b + c * c + 2 * (c01 * c01 + c02 * c02 + c12 * c12)) / 6)
+    return (q + 2 * p) / (J * J)
 
 
 @ti.func

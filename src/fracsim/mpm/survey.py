@@ -8,7 +8,7 @@ import taichi as ti
 
 from fracsim.mpm.kernels import CHUNK, types
 from fracsim.mpm.params import FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
-from fracsim.mpm.tensor import J_MIN, cofactor, max_stretch, principal_stretches, rotation, volume_ratio
+from fracsim.mpm.tensor import J_MIN, cofactor, principal_stretches, rotation, volume_ratio
 from fracsim.records import Array
 from fracsim.registry import load
 
@@ -70,7 +70,7 @@ def observe(law_name: str, real: Any) -> Any:
             J = ti.max(volume_ratio(F[p], K), J_MIN)
             tau[p] = (1 - D[p]) * (law.piola(F[p], K, J, mu, lam) @ F[p].transpose())
             scalars[p, 0] = (1 - D[p]) * law.psi(F[p], mu, lam)
-            scalars[p, 1] = max_stretch(F[p], D[p] * 0)
+            scalars[p, 1] = principal_stretches(F[p])[0]
 
     return evaluate
 

@@ -1,0 +1,177 @@
+"""conf/ and `fracsim.vocab` say the same, and the presets hold the numbers that were decided."""
+
+import math
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from omegaconf import OmegaConf
+
+from fracsim import Scene, compose, configs, registry
+from fracsim.knob import describe
+from fracsim.vocab import BUILTIN, DT0, H0, MAPS
+
+CONF = configs.folder()
+FILES = sorted(CONF.glob("*/*.yaml"))
+GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir())
+FIELDS = {name for name, _, _ in describe(Scene)}
+RUBBER = ("bear", "duck", "ring", "star", "whale")
+BREAD = ("bread", "bread_roll", "cake", "croissant", "muffin")
+
+
+def name(file: Path) -> str:
+    return f"{file.parent.name}={file.stem}"
+
+
+def keys(file: Path) -> set[str]:
+    """The fields that a file sets, as section.field."""
+    content: Any = OmegaConf.to_container(OmegaConf.load(file), resolve=False)
+    content.pop("defaults", None)
+    if "@package _global_" not in file.read_text():
+        content = {file.parent.name: content}
+    return {f"{k}.{leaf}" if isinstance(v, dict) else k for k, v in content.items()
+            for leaf in (v if isinstance(v, dict) else [""])}  # fmt: skip
+
+
+def choice(file: Path) -> list[str]:
+    """What a user types for a file; meshes and splats need a path."""
+    return [name(file)] + ["asset.path=FILE"] * (name(file) in ("asset=mesh", "asset=ply"))
+
+
+@pytest.mark.parametrize("file", FILES, ids=name)
+def test_every_file_composes_and_has_its_way(file: Path) -> None:
+    """Composing runs the validation of every section; what the file sets arrives in the scene."""
+    scene = OmegaConf.structured(compose(*choice(file)))
+    content = OmegaConf.load(file)
+    for key in keys(file):
+        told = OmegaConf.select(content, key if "@package _global_" in file.read_text() else key.partition(".")[2])
+        assert OmegaConf.select(scene, key) == told or name(file) in ("asset=mesh", "asset=ply")
+
+
+@pytest.mark.parametrize("file", FILES, ids=name)
+def test_every_key_is_a_field(file: Path) -> None:
+    assert keys(file) <= FIELDS
+
+
+@pytest.mark.parametrize("file", FILES, ids=name)
+def test_every_file_says_what_it_is(file: Path) -> None:
+    comments = [line for line in file.read_text().splitlines() if line.startswith("# ") and "@package" not in line]
+    assert comments
+
+
+def test_a_group_is_a_field_of_the_scene_and_is_chosen_by_default() -> None:
+    """One folder a section that has choices; `seed` and `output` are single values, not choices."""
+    chosen = [k for d in OmegaConf.load(CONF / "simulate.yaml")["defaults"] if not isinstance(d, str)
+              for k in d if not str(k).startswith("override")]  # fmt: skip
+    assert sorted(chosen) == GROUPS
+    assert {f.name for f in fields(Scene)} == {*GROUPS, "seed", "output"}
+
+
+def test_every_field_is_typed_documented_and_bounded() -> None:
+    """Numbers have a range, or a kind of their own; words have choices unless they are names, paths or plug-ins."""
+    free = {"quality", "asset.path", "asset.interior", "material.law", "fracture.law", "capture.maps", "output.folder"}
+    for field, default, knob in describe(Scene):
+        assert len(knob.doc) > 5, field
+        assert knob.allowed() or field in free or isinstance(default, bool), field
+    leaves = [f for section in fields(Scene) if is_dataclass(section.type) for f in fields(section.type)]  # type: ignore[arg-type]
+    assert all("knob" in f.metadata for f in leaves)
+
+
+@pytest.mark.parametrize(("package", "group"), [("fracsim.constitutive", "material"), ("fracsim.damage", "fracture")])
+def test_every_law_has_a_file_that_names_it(package: str, group: str) -> None:
+    named = {getattr(compose(name(f)), group).law for f in FILES if f.parent.name == group}
+    assert named == set(registry.names(package))
+
+
+def test_every_built_in_object_and_map_can_be_chosen() -> None:
+    assert set(BUILTIN) <= set(registry.names("fracsim.asset.objects"))
+    assert {f.stem for f in FILES if f.parent.name == "asset"} == {*BUILTIN, "mesh", "ply"}
+    assert set(compose().capture.maps) == set(MAPS) <= set(registry.names("fracsim.maps"))
+
+
+def test_the_default_scene() -> None:
+    """The paper's resolution, material of the low-stretch class, object and grips; no gravity."""
+    s = compose()
+    assert (s.quality, s.asset.kind, s.asset.name, s.asset.size) == ("default", "builtin", "bread", 0.6)
+    assert (s.solver.formulation, s.solver.cells, s.solver.dt, s.solver.damping) == ("total", 150, "auto", "physical")
+    assert (s.capture.frames, s.capture.fps, s.camera.width, s.camera.height) == (100, 100.0, 512, 512)
+    assert (s.loading.thickness, s.loading.grips, s.loading.gravity) == (0.05, "rigid", [0.0, 0.0, 0.0])
+    assert (s.material.density, s.backend.arch, s.fracture.at_grips) == (200.0, "cpu", False)
+
+
+@pytest.mark.parametrize(
+    ("material", "law", "E", "nu", "rpic", "keep"),
+    [
+        ("bread", "fixed_corotated", 6e3, 0.25, 0.5, 0.9995),
+        ("rubber", "neo_hookean", 2e4, 0.45, 0.005, 0.9998),
+        ("rubber_decoupled", "neo_hookean_decoupled", 2e4, 0.45, 0.005, 0.9998),
+    ],
+)
+def test_materials_are_those_of_the_paper(material: str, law: str, E: float, nu: float, rpic: float, keep: float):
+    """Damping as a viscosity r rho h0^2 / (4 dt0) and a rate -ln(g) / dt0; the files have eight digits."""
+    m = compose(f"material={material}").material
+    assert (m.law, m.E, m.nu, m.density) == (law, E, nu, 200.0)
+    assert m.viscosity == pytest.approx(rpic * 200.0 * H0**2 / (4 * DT0), rel=1e-7)
+    assert m.decay == pytest.approx(-math.log(keep) / DT0, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("fracture", "onset", "crit"),
+    [("bread", 1.5, 2.3), ("bread_late", 2.0, 3.0), ("rubber", 2.6, 3.0), ("rubber_late", 3.0, 3.3)],
+)
+def test_thresholds(fracture: str, onset: float, crit: float) -> None:
+    f = compose(f"fracture={fracture}").fracture
+    assert (f.law, f.onset, f.crit) == ("stretch", onset, crit)
+
+
+def test_quality_paper_is_the_paper_literally() -> None:
+    s = compose("quality=paper")
+    assert (s.quality, s.solver.formulation, s.solver.cells) == ("paper", "updated", 150)
+    assert (s.solver.dt, s.solver.dt_override, s.solver.damping) == (1e-4, True, "per_substep")
+
+
+def test_quality_preview_is_coarser_and_reference_finer() -> None:
+    default, preview, reference = (compose(f"quality={q}") for q in ("default", "preview", "reference"))
+    assert preview.solver.cells < default.solver.cells
+    assert preview.camera.width < default.camera.width
+    assert (reference.solver.precision, reference.solver.safety) == ("float64", default.solver.safety / 2)
+
+
+@pytest.mark.parametrize("asset", RUBBER + BREAD)
+def test_an_object_brings_its_material_and_thresholds(asset: str) -> None:
+    kind = "rubber" if asset in RUBBER else "bread"
+    alone, told = compose(f"asset={asset}"), compose(f"material={kind}", f"fracture={kind}")
+    assert (alone.asset.kind, alone.asset.name) == ("builtin", asset)
+    assert (alone.material, alone.fracture) == (told.material, told.fracture)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "law", "onset"),
+    [
+        (("asset=duck", "material=bread"), "fixed_corotated", 1.5),
+        (("material=bread", "asset=duck"), "fixed_corotated", 1.5),
+        (("asset=duck", "fracture=rubber_late"), "neo_hookean", 3.0),
+        (("asset=duck", "material=bread", "fracture=rubber"), "fixed_corotated", 2.6),
+        (("asset=duck", "fracture.onset=1.2"), "neo_hookean", 1.2),
+        (("asset=mesh", "asset.path=FILE", "material=rubber"), "neo_hookean", 2.6),
+    ],
+)
+def test_what_the_user_says_wins(overrides: tuple[str, ...], law: str, onset: float) -> None:
+    s = compose(*overrides)
+    assert (s.material.law, s.fracture.onset) == (law, onset)
+
+
+@pytest.mark.parametrize("quality", ["paper", "reference"])
+def test_the_solver_a_user_chooses_wins_over_a_quality(quality: str) -> None:
+    for formulation in ("total", "updated"):
+        assert compose(f"quality={quality}", f"solver={formulation}").solver.formulation == formulation
+
+
+def test_groups_of_one_section_keep_to_it() -> None:
+    """capture=maps, loading=soft, camera=oblique and backend=cuda change their own section only."""
+    default = compose()
+    for group in ("capture=maps", "loading=soft", "camera=oblique", "backend=cuda"):
+        changed = compose(group)
+        differ = [f.name for f in fields(Scene) if getattr(changed, f.name) != getattr(default, f.name)]
+        assert differ == [group.partition("=")[0]]
