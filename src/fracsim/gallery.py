@@ -59,7 +59,7 @@ def main() -> None:
         sys.exit("error: run this at the top of a checkout, where docs/img is.")
     IMG.mkdir(parents=True, exist_ok=True)
     animate([panels(film(*shot)) for shot in SHOTS.values()], IMG / "strip.webp")
-    zoom = ("camera.width=256", "camera.height=256", "loading.speed=0.8")
+    zoom = ("camera.width=256", "camera.height=256", "loading.speed=0.8", "solver.cells=100", "capture.maps=[damage]")
     sheet([film(f"asset={name}", *zoom) for name in OBJECTS], IMG / "objects.png")
 
 
