@@ -56,6 +56,8 @@ def main() -> None:
     except KeyboardInterrupt:
         print("interrupted: repeat the command to go on; finished samples are not made again", file=sys.stderr)
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:  # the reader has seen enough, as in `--help | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if multirun and FAILED:
         print(f"{len(FAILED)} scene(s) failed", file=sys.stderr)
     if FAILED:

@@ -14,7 +14,8 @@ PLUGINS = {"material.law": "fracsim.constitutive", "fracture.law": "fracsim.dama
 """Fields that name a module of a package."""
 
 HEADER = """\
-Pull an object until it tears and film it, with pixel-aligned maps of flow, strain, stress and damage.
+Pull an object until it tears and film it, with pixel-aligned maps of flow,
+strain, stress and damage.
 
 Usage: python -m fracsim [FLAGS] [GROUP=CHOICE ...] [FIELD=VALUE ...]
 
@@ -25,7 +26,8 @@ Usage: python -m fracsim [FLAGS] [GROUP=CHOICE ...] [FIELD=VALUE ...]
   python -m fracsim quality=preview capture.maps=[damage] capture.rgb=false
   python -m fracsim -m material.E=2e3,6e3                 several scenes in one process
 
-A scene whose sample is already there is not run again, so an interrupted command is resumed by repeating it.
+A scene whose sample is already there is not run again: to go on after an
+interruption, repeat the command.
 
 Flags
   -m, --multirun   run all combinations of values given with commas, as material.E=2e3,6e3

@@ -124,11 +124,12 @@ def test_single_precision_translation() -> None:
 
 def one_frame(threads: int) -> Array:
     """Positions after 60 substeps of a pulled bar."""
-    solver = Solver(cells=50)
+    solver = Solver(cells=60)
     s = scene(material=Material(law="fixed_corotated", E=2e3, nu=0.3), solver=solver, backend=Backend(threads=threads),
               loading=Loading(offset=0.15, speed=0.5), capture=Capture(frames=1))  # fmt: skip
     state = State(s, particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing))
-    state.run(60, 5e-4, 0.0)
+    assert state.chunks == threads
+    state.run(60, 4e-4, 0.0)
     return state.U.to_numpy()
 
 

@@ -18,6 +18,8 @@ from fracsim.vocab import CENTRE, Scene
 
 MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
+CHUNK = 4000
+"""A second thread pays from this many particles on, a third from twice as many: starting a parallel loop costs time."""
 MAX_NODES = 2**26
 """No grid larger than this is made (twice 1 GiB in float32)."""
 
@@ -45,7 +47,7 @@ class State:
         self.total = scene.solver.formulation == "total"
         self.real, self.dtype = reals(scene.solver.precision)
         self.tag = tags(scene, particles.X)
-        self.chunks = backend.threads(scene.backend) if backend.on_cpu() else 1
+        self.chunks = min(backend.threads(scene.backend), 1 + self.n // CHUNK) if backend.on_cpu() else 1
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
         self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
