@@ -57,6 +57,7 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
     [
         # Keys, groups and types, which Hydra and OmegaConf find.
         ("material.Ee=3", "material.Ee=3|did you mean material.E?|--help"),
+        ("camera.widht=64", "camera.widht=64|did you mean camera.width?"),
         ("speed=3", "speed=3|did you mean loading.speed?"),
         ("bogus=3", "bogus=3|choose one of asset, backend, camera"),
         ("+bogus=3", "bogus=3|choose one of asset"),
@@ -69,12 +70,12 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
         ("solver.cells=100.5", "solver.cells=100.5|a whole number in [8, 2000]|Try solver.cells=150"),
         ("capture.rgb=maybe", "capture.rgb=maybe|true or false|Try capture.rgb=true"),
         ("capture.maps=damage", "capture.maps=damage|a list|Try capture.maps=[flow,"),
-        ("asset.rotate_deg=[a,b,c]", "asset.rotate_deg=[a,b,c]|a list, each item a number|Try asset.rotate_deg=[0,0,0]"),
+        ("asset.rotate_deg=[a,b]", "asset.rotate_deg=[a,b]|a list, each item a number|Try asset.rotate_deg=[0,0,0]"),
         ("duck", "duck cannot be read|field=value"),
         ("asset.interior=#aabbcc", "asset.interior=#aabbcc cannot be read|quotes"),
         ("material=3", "material=3 cannot be used|--help"),
         ("+material.E=3e3", "+material.E=3e3 cannot be used|Either remove + prefix"),
-        ("asset.path=${nowhere}", "asset.path|nowhere"),
+        ("asset.path=${nowhere}", "asset.path=${nowhere} cannot be used|'nowhere' not found"),
         # Values out of range.
         ("material.E=1", "material.E=1 is|[100, 1e9] Pa|Try material.E="),
         ("material.E=nan", "material.E=nan is|[100, 1e9] Pa"),

@@ -12,6 +12,7 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
+from omegaconf import OmegaConf
 
 from fracsim import configs
 
@@ -33,10 +34,11 @@ def run(cfg: Any) -> None:
     from fracsim import console, pipeline
 
     job = HydraConfig.get()
+    overrides: Any = OmegaConf.to_container(job.overrides.task, resolve=False)
     if job.mode == RunMode.MULTIRUN:
-        console.heading(job.job.num + 1, job.overrides.task)
+        console.heading(job.job.num + 1, overrides)
     try:
-        pipeline.run(configs.scene(cfg, job.overrides.task))
+        pipeline.run(configs.scene(cfg, overrides))
     except (ValueError, OSError, RuntimeError) as error:
         fail(str(error))
 

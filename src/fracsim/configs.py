@@ -67,7 +67,7 @@ def compose(*overrides: str) -> Scene:
 def explain(error: Exception, overrides: Sequence[str]) -> str:
     """What an error of Hydra or OmegaConf about `overrides` means here: the field, the value and the way out."""
     from hydra.errors import MissingConfigException, OverrideParseException
-    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
 
     if isinstance(error, OverrideParseException):
         return (f"{error.override} cannot be read: write field=value, as material.E=2e3; a value with signs like # ( ) "
@@ -80,26 +80,23 @@ def explain(error: Exception, overrides: Sequence[str]) -> str:
         named = [o for o in overrides if o in str(error)] or overrides
         return f"{' '.join(named)} cannot be used: {' '.join(str(error).split()).rstrip('.')}. {HELP}"
     field = cause.full_key.partition("[")[0]
-    values = [o.partition("=")[2] for o in overrides if o.lstrip("+~").startswith(field)]
+    pairs = (o.lstrip("+~").partition("=") for o in overrides)
+    value = ([v for key, _, v in pairs if f"{key}.".startswith(f"{field}.")] or [""])[-1]
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
-        return _unknown(field, values)
-    return _mistyped(field, values, cause)
-
-
-def _unknown(field: str, values: list[str]) -> str:
-    """The error for a key that is no field."""
-    known = [name for name, _, _ in describe(Scene)]
-    section = field.partition(".")[0]
-    same = [name for name in known if name.rpartition(".")[2] == field.rpartition(".")[2]]
-    near = same or get_close_matches(field, known, n=1, cutoff=0.7)
-    siblings = [n for n in known if n.startswith(f"{section}.")] or sorted({n.partition(".")[0] for n in known})
-    way_out = f"did you mean {near[0]}?" if near else f"choose one of {', '.join(siblings)}."
-    return f"{'='.join([field, *values[:1]])} is not a field of a scene: {way_out} {HELP}"
-
-
-def _mistyped(field: str, values: list[str], cause: Exception) -> str:
-    """The error for a value of the wrong type, or that cannot be resolved."""
+        return f"{field}={value} is not a field of a scene: {_instead(field)} {HELP}"
     for name, default, knob in describe(Scene):
-        if name == field and values:
-            return knob.refusal(name, values[0], default)
-    return f"{'='.join([field, *values[:1]])} cannot be used: {str(cause).splitlines()[0]}. {HELP}"
+        if name == field and isinstance(cause, ValidationError):
+            return knob.refusal(name, value, default)
+    return f"{field}={value} cannot be used: {str(cause).splitlines()[0]}. {HELP}"
+
+
+def _instead(field: str) -> str:
+    """What somebody who typed `field` may have meant."""
+    known = {name: name.rpartition(".")[2] for name, _, _ in describe(Scene)}
+    section, _, leaf = field.rpartition(".")
+    siblings = [name for name in known if section and name.startswith(f"{section}.")]
+    alike = [leaf, *get_close_matches(leaf, [known[name] for name in siblings or known], n=1)]
+    near = [name for a in alike for name in known if known[name] == a]
+    if near:
+        return f"did you mean {near[0]}?"
+    return f"choose one of {', '.join(siblings or sorted({name.partition('.')[0] for name in known}))}."

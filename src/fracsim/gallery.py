@@ -47,7 +47,8 @@ def sheet(paths: list[Path], path: Path, columns: int = 5) -> None:
     for folder in paths:
         clip = sample.read(folder)
         torn = min(len(clip.rgb) - 1, (clip.meta["report"]["break_frame"] or len(clip.rgb)) + 8)
-        tiles.append(np.concatenate([clip.rgb[0], clip.rgb[torn]], axis=1))
+        middle = slice(clip.rgb.shape[1] // 4, clip.rgb.shape[1] * 3 // 4)  # above and below is white
+        tiles.append(np.concatenate([clip.rgb[0, middle], clip.rgb[torn, middle]], axis=1))
     rows = [np.concatenate(tiles[i : i + columns], axis=1) for i in range(0, len(tiles), columns)]
     image = Image.fromarray(np.concatenate(rows, axis=0))
     image.resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS).save(path, optimize=True)

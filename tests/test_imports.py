@@ -1,0 +1,79 @@
+"""What an import loads, each in a fresh process: light things stay light, and torch is never there."""
+
+from pathlib import Path
+
+import pytest
+
+from fracsim import backend, compose, pipeline
+from tests.command import SMALL, python
+
+HEAVY = {"taichi", "torch", "trimesh", "hydra", "omegaconf", "scipy", "matplotlib", "rich", "plyfile", "imageio"}
+
+
+def loaded(code: str) -> set[str]:
+    """Top-level packages that are loaded after `code`."""
+    return set(python(f"{code}\nimport sys\nprint(*{{name.partition('.')[0] for name in sys.modules}})").split())
+
+
+def test_fracsim_and_its_vocabulary_load_nothing_heavy() -> None:
+    """A scene can be described and checked with the standard library alone."""
+    code = "import fracsim; fracsim.Scene(material=fracsim.Material(E=1e4))"
+    assert not loaded(code) & {*HEAVY, "numpy"}
+
+
+def test_names_of_fracsim_are_there_when_asked_for() -> None:
+    assert loaded("import fracsim; fracsim.compose('asset=bar')") & HEAVY == {"hydra", "omegaconf"}
+    assert "taichi" in loaded("import fracsim; fracsim.Run")
+    with pytest.raises(AttributeError, match="no attribute 'Walk'"):
+        _ = __import__("fracsim").Walk
+
+
+@pytest.mark.parametrize("module", ["fracsim.sample", "fracsim.maps", "fracsim.records", "fracsim.configs"])
+def test_samples_and_maps_need_no_taichi(module: str) -> None:
+    assert not loaded(f"import {module}") & {"taichi", "torch", "trimesh", "hydra", "scipy", "matplotlib", "rich"}
+
+
+def test_a_sample_is_read_without_taichi(tmp_path: Path) -> None:
+    """Colour, maps, tracks, curves, the scene and the check of the hashes."""
+    path = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
+    code = f"""
+from fracsim import sample
+clip = sample.read({str(path)!r})
+assert clip.rgb.shape == (4, 64, 64, 3) and clip.maps["stress"].max() > 0 and clip.tracks.xy.any()
+assert clip.scene.asset.name == "bread" and len(clip.history["t"]) == 4 and sample.verify({str(path)!r}) == []
+"""
+    assert not loaded(code) & {"taichi", "torch", "trimesh", "hydra", "scipy", "matplotlib", "rich"}
+
+
+def test_a_whole_run_never_needs_torch(tmp_path: Path) -> None:
+    """With everything switched on, and torch made impossible to import."""
+    code = f"""
+import sys
+sys.modules["torch"] = None
+from fracsim import compose, pipeline
+extras = ("capture.gaussians=true", "capture.particles=true", "capture.frames=2", "output.folder={tmp_path}")
+pipeline.run(compose(*{SMALL}, *extras))
+del sys.modules["torch"]
+"""
+    assert "torch" not in loaded(code)
+
+
+def test_taichi_is_started_once_and_keeps_quiet() -> None:
+    """No greeting on standard output; a second start of the same kind does nothing, another kind is refused."""
+    code = """
+from fracsim import Backend, backend
+backend.start(Backend(threads=1))
+backend.start(Backend(threads=1))
+try:
+    backend.start(Backend(arch="cuda"))
+except RuntimeError as error:
+    print(error)
+"""
+    assert python(code) == "backend.arch=cuda cannot replace cpu in a running process: start a new one.\n"
+
+
+def test_threads_are_those_there_are() -> None:
+    available = backend.threads(compose().backend)
+    assert available >= 1
+    assert backend.threads(compose("backend.threads=1").backend) == 1
+    assert backend.threads(compose("backend.threads=1000").backend) == available
