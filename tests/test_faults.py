@@ -1,6 +1,7 @@
 """Bad input, faults of the simulation, and interruptions: one clear error, and nothing is lost."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -220,7 +221,7 @@ def started(folder: Path) -> "subprocess.Popen[str]":
 
 def test_ctrl_c_leaves_what_was_filmed(tmp_path: Path) -> None:
     process = started(tmp_path)
-    process.send_signal(signal.SIGINT)
+    os.killpg(process.pid, signal.SIGINT)  # as the terminal does: to its children too
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err == "interrupted: repeat the command to go on; finished samples are not made again\n"

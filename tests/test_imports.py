@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import fracsim
 from fracsim import backend, compose, pipeline
 from tests.command import SMALL, python
 
@@ -25,7 +26,7 @@ def test_names_of_fracsim_are_there_when_asked_for() -> None:
     assert loaded("import fracsim; fracsim.compose('asset=bar')") & HEAVY == {"hydra", "omegaconf"}
     assert "taichi" in loaded("import fracsim; fracsim.Run")
     with pytest.raises(AttributeError, match="no attribute 'Walk'"):
-        _ = __import__("fracsim").Walk
+        _ = fracsim.Walk
 
 
 @pytest.mark.parametrize("module", ["fracsim.sample", "fracsim.maps", "fracsim.records", "fracsim.configs"])
@@ -46,14 +47,19 @@ assert clip.scene.asset.name == "bread" and len(clip.history["t"]) == 4 and samp
 
 
 def test_a_whole_run_never_needs_torch(tmp_path: Path) -> None:
-    """With everything switched on, and torch made impossible to import."""
+    """With everything switched on, where torch cannot be imported even if it is installed."""
     code = f"""
 import sys
-sys.modules["torch"] = None
+
+class Without:
+    def find_spec(self, name, *_):
+        if name.partition(".")[0] == "torch":
+            raise ImportError(name)
+
+sys.meta_path.insert(0, Without())
 from fracsim import compose, pipeline
 extras = ("capture.gaussians=true", "capture.particles=true", "capture.frames=2", "output.folder={tmp_path}")
 pipeline.run(compose(*{SMALL}, *extras))
-del sys.modules["torch"]
 """
     assert "torch" not in loaded(code)
 

@@ -7,11 +7,12 @@ import pytest
 
 import fracsim
 from fracsim import Capture, Loading, Scene, Solver
+from fracsim.records import Frame
 from tests.command import SMALL
 
 
 @pytest.fixture(scope="module")
-def film() -> list[tuple[fracsim.Run, "fracsim.records.Frame"]]:  # type: ignore[name-defined]
+def film() -> list[tuple[fracsim.Run, Frame]]:
     """All frames of a small scene, with their run."""
     run = fracsim.Run(fracsim.compose("asset=bar", *SMALL))
     return [(run, frame) for frame in run.frames()]
@@ -30,7 +31,7 @@ def test_the_six_lines_of_the_readme() -> None:
     assert np.shape(names["image"]) == (64, 64, 1)
 
 
-def test_frames_have_every_quantity(film) -> None:
+def test_frames_have_every_quantity(film: list[tuple[fracsim.Run, Frame]]) -> None:
     """Frame k is at t = k / fps and frame 0 at rest; grips have moved by v t, at 0.6 m/s."""
     n = len(film[0][0].particles)
     assert [frame.index for _, frame in film] == [0, 1, 2, 3]
@@ -52,14 +53,14 @@ def test_frames_have_every_quantity(film) -> None:
     assert last.stress[:, 0, 0].max() > 10 * abs(rest.stress).max()
 
 
-def test_stress_is_that_of_cauchy(film) -> None:
+def test_stress_is_that_of_cauchy(film: list[tuple[fracsim.Run, Frame]]) -> None:
     """sigma = tau / J, symmetric to the precision of float32."""
     _, last = film[-1]
     assert last.stress == pytest.approx(last.tau / last.J[:, None, None], rel=1e-5, abs=1e-3)
     assert np.abs(last.stress - last.stress.transpose(0, 2, 1)).max() < 1e-4 * np.abs(last.stress).max()
 
 
-def test_a_picture_of_the_volume_change(film) -> None:
+def test_a_picture_of_the_volume_change(film: list[tuple[fracsim.Run, Frame]]) -> None:
     """J is 1 at rest: its picture, premultiplied, is the coverage itself; (N,) gives one channel."""
     run, rest = film[0]
     image, alpha = run.render(rest, rest.J)
@@ -69,7 +70,7 @@ def test_a_picture_of_the_volume_change(film) -> None:
     assert alpha[0, 0] == 0  # nothing in the corner
 
 
-def test_a_picture_of_a_quantity_of_one_s_own(film) -> None:
+def test_a_picture_of_a_quantity_of_one_s_own(film: list[tuple[fracsim.Run, Frame]]) -> None:
     """(N, 2): where a particle was along x, and a constant; their ratio is a position between the bar's ends."""
     run, _ = film[0]
     _, last = film[-1]
@@ -85,7 +86,7 @@ def test_a_picture_of_a_quantity_of_one_s_own(film) -> None:
     assert np.abs(where).max() <= 0.3 + 1e-4
 
 
-def test_without_a_quantity_it_is_the_colour(film) -> None:
+def test_without_a_quantity_it_is_the_colour(film: list[tuple[fracsim.Run, Frame]]) -> None:
     run, last = film[-1]
     image, alpha = run.render(last)
     assert image.shape == (64, 64, 3)
@@ -93,7 +94,7 @@ def test_without_a_quantity_it_is_the_colour(film) -> None:
     assert image.max() > 0.2
 
 
-def test_the_report_counts_along(film) -> None:
+def test_the_report_counts_along(film: list[tuple[fracsim.Run, Frame]]) -> None:
     run, _ = film[-1]
     assert len(run.report.history.t) == 4
     assert run.report.summary()["substeps"] > 0

@@ -43,9 +43,9 @@ NAME = 34
 def manual(folder: Path, scene: Scene) -> str:
     """Groups in the folder of YAML files, and every field with its value in `scene`, meaning and allowed values."""
     width = min(max(shutil.get_terminal_size().columns, 80), 120)
-    groups = "\nGroups: each choice is a file in conf/ that sets several fields, as asset=duck"
+    groups = "Groups: each choice is a file in conf/ that sets several fields, as asset=duck"
     heading = "\nFields: with their values in the default scene, and {what is allowed}"
-    lines = [HEADER, groups.strip(), *_groups(folder, width), heading, *_fields(scene, width)]
+    lines = [HEADER, groups, *_groups(folder, width), heading, *_fields(scene, width)]
     return "\n".join(lines) + "\n"
 
 

@@ -88,7 +88,10 @@ class Simulator:
         else:
             self.dt = s.solver.dt
         if not self.dt > 0:
-            raise SimulationError(f"the substep at t has no bound: {peaks}; the material has blown up.")
+            raise SimulationError(
+                "the stability bound of solver.dt=auto is not a number (field F): the material has blown up. "
+                "Use a smaller solver.safety."
+            )
         steps = max(1, math.ceil(left / self.dt - 1e-6))
         dt = left / steps
         n = math.ceil(steps / math.ceil(steps / ROUND))  # rounds of equal length, none of a single substep
@@ -118,12 +121,19 @@ class Simulator:
             raise SimulationError(self.report.fault(kind, p, k, max(before + step, 0), x, v))
         clamped = self.state.booked()[slot.CLAMPED] - self.report.clamped
         self.report.clamped += int(clamped)
-        if clamped > max(MAX_CLAMPED * self.state.n, 1) * ROUND:
-            raise SimulationError(
-                f"frame {k}: {clamped / ROUND:.0f} particles a substep are inverted or crushed (J < 0.05, field F). "
-                "Likely the substep is too long or the thresholds let the material stretch too far: "
-                "use solver.dt=auto or a smaller solver.safety."
-            )
+        steps = self.report.substeps - before
+        if clamped > max(MAX_CLAMPED * self.state.n, 1) * steps:
+            raise SimulationError(self._crushed(k, clamped / steps))
+
+    def _crushed(self, k: int, many: float) -> str:
+        """The message when too many particles are inverted or crushed; names the worst of them."""
+        J = np.where(self.state.D.to_numpy() < 1, np.linalg.det(self.state.F.to_numpy()), np.inf)
+        p = int(J.argmin())
+        return (
+            f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the worst "
+            f"is particle {p} (field F, J = {J[p]:.2g}, below 0.05). Likely the substep is too long or the thresholds let "
+            "the material stretch too far: use solver.dt=auto or a smaller solver.safety."
+        )
 
     def _frame(self, k: int) -> Frame:
         """Read the particles; failed ones ride (`total`) and show at most lambda_crit."""

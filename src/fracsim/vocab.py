@@ -5,6 +5,7 @@ YAML files in `conf/`: a key that is not here, or a value outside its range, is 
 """
 
 import math
+import os
 from dataclasses import dataclass, field
 
 from fracsim.knob import check, knob
@@ -35,6 +36,7 @@ class Asset:
 
     def __post_init__(self) -> None:
         check(self, "asset")
+        self.path = os.path.expanduser(self.path)
         if self.kind != "builtin" and not self.path:
             raise ValueError(f"asset.path is empty but asset.kind={self.kind} needs a file: set asset.path=FILE.")
 
@@ -244,4 +246,9 @@ class Scene:
     output: Output = field(default_factory=Output)
 
     def __post_init__(self) -> None:
-        check(self, "scene")
+        check(self, "")
+        if self.solver.max_speed <= self.loading.speed:
+            raise ValueError(
+                f"solver.max_speed={self.solver.max_speed:g} is not above loading.speed={self.loading.speed:g} m/s, so the "
+                "grips alone would stop the run. Raise solver.max_speed."
+            )

@@ -27,9 +27,10 @@ def basis(directions: Array) -> Array:
 
 
 def turned(sh: Array, R: Array) -> Array:
-    """Coefficients (N, K, 3) of colours that turned with their object: f'(d) = f(R^T d), R (3, 3) or one each (N, 3, 3).
+    """Coefficients (N, K, 3) of colours that turned by R, (3, 3) or one each (N, 3, 3), with their object.
 
-    Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 24 directions, which is exact.
+    f'(d) = f(R^T d). Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 24 directions,
+    which is exact.
     """
     directions = np.random.default_rng(0).normal(size=(24, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

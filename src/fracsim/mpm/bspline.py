@@ -11,6 +11,6 @@ def weights(f):
 
 @ti.func
 def stencil(y):
-    """Lowest node and offset [cells] of the particle at y [cells from node 0]."""
-    base = ti.floor(y - 0.5, ti.i32)
+    """Lowest node and offset [cells] of the particle at y >= 0.5 [cells from node 0]."""
+    base = (y - 0.5).cast(ti.i32)
     return base, y - base

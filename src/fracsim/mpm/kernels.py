@@ -37,7 +37,7 @@ def types(real: Any) -> dict[str, Any]:
 def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag), grid, copies,
+    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag, anchor), grid, copies,
     nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether to gather
     and to scatter stand in the place of n.
     """
@@ -55,30 +55,30 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
 
     @ti.kernel
     def serial(n: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix,
-               D: Scalar, volume: Scalar, tag: Index, grid: Vector4, copies: Vector4, nodes: Index, owner: Index,
-               source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+               D: Scalar, volume: Scalar, tag: Index, anchor: Vector, grid: Vector4, copies: Vector4, nodes: Index,
+               owner: Index, source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
             for step in range(n + 1):
                 if faults[0, 0] == 0:
                     for p in range(X.shape[0]):
                         particle(p, 0, step, step > 0, step < n, 0 + shift[0], sx, sy, K, X, U, V, C, F, D, volume,
-                                 tag, grid, copies, books, faults)  # fmt: skip
+                                 tag, anchor, grid, copies, books, faults)  # fmt: skip
                     if step < n:
                         for q in range(nodes.shape[0]):
                             node(q, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
 
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
-                U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
-                copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
+                U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector,
+                grid: Vector4, copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
                 books: Books, faults: Table):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
-            if q % CHUNK == 0:
+            if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0:
                 c = q // CHUNK
                 for p in range(start[c], start[c + 1]):
                     particle(p, c, step, gathers == 1, scatters == 1, shift[c], sx, sy, K, X, U, V, C, F, D, volume,
-                             tag, grid, copies, books, faults)  # fmt: skip
+                             tag, anchor, grid, copies, books, faults)  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and scatters == 1:
                 c, chunks = q // CHUNK, shift.shape[0]
@@ -87,12 +87,14 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
 
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
-            U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, grid: Vector4,
-            copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
-            faults: Table):  # fmt: skip
+            U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector,
+            grid: Vector4, copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
+            books: Books, faults: Table):  # fmt: skip
         for p in range(X.shape[0]):
+            if faults[0, 0] != 0:
+                continue
             particle(p, 0, step, gathers == 1, scatters == 1, shift[0], sx, sy, K, X, U, V, C, F, D, volume, tag,
-                     grid, copies, books, faults)  # fmt: skip
+                     anchor, grid, copies, books, faults)  # fmt: skip
         for i in range(nodes.shape[0]):
             if scatters == 1:
                 node(i, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)

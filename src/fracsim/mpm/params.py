@@ -5,9 +5,9 @@
 """Substep, time at its start, cell size, Lame parameters, density, thresholds, viscosity / 2, velocity kept."""
 (SPEED, UX, UY, UZ, REACH, HALF, GX, GY, GZ, MAX_SPEED) = range(10, 20)
 """Grip speed, tearing axis, distance of the grips' middle planes, half their thickness, gravity, speed limit."""
-(LX, LY, LZ, NX, NY, NZ, WALL, RH, ETA_MAX) = range(20, 29)
-"""Lowest node and shape of the box, distance of walls from the centre (0: none), 1 / h, largest viscosity / 2."""
-PARAMETERS = 29
+(LX, LY, LZ, ROOM, WALL, RH, ETA_MAX) = range(20, 27)
+"""Lowest node of the box, how far a particle may move on it, distance of walls from the centre (0: none), 1 / h, largest viscosity / 2."""
+PARAMETERS = 27
 
 # Books: running sums in SI units, one row a thread.
 (PULL_LOW, PULL_HIGH, GRIP_WORK, DECAYED, VISCOUS, DAMAGED, RELEASED, CLAMPED, GRAVITY_WORK) = range(9)

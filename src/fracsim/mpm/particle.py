@@ -25,12 +25,10 @@ from fracsim.mpm.params import (
     LZ,
     MAX_SPEED,
     MU,
-    NX,
-    NY,
-    NZ,
     ONSET,
     RELEASED,
     RH,
+    ROOM,
     SPEED_FAULT,
     VISCOUS,
     H,
@@ -106,8 +104,8 @@ def particle_function(law_name: str, damage_name: str, total: bool, grips: str, 
     @ti.func
     def particle(p, row, step, gathers, scatters, shift, sx, sy, K: ti.template(), X: ti.template(),
                  U: ti.template(), V: ti.template(), C: ti.template(), F: ti.template(), D: ti.template(),
-                 volume: ti.template(), tag: ti.template(), grid: ti.template(), copies: ti.template(),
-                 books: ti.template(), faults: ti.template()):  # fmt: skip
+                 volume: ti.template(), tag: ti.template(), anchor: ti.template(), grid: ti.template(),
+                 copies: ti.template(), books: ti.template(), faults: ti.template()):  # fmt: skip
         if not ti.static(total) or D[p] < 1:
             base, f = locate(p, K, X, U)
             at = base[0] * sx + base[1] * sy + base[2]
@@ -121,13 +119,12 @@ def particle_function(law_name: str, damage_name: str, total: bool, grips: str, 
                     tally(books, row, RELEASED, K[DENSITY] * volume[p] * v.dot(v) / 2, atomic)
                 if stays:
                     push(p, row, at + shift, f, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
-            else:  # weights from the new position, which must be in the box
-                now, g = locate(p, K, X, U)
-                top = ti.Vector([K[NX], K[NY], K[NZ]]) - 3
-                if not (now.min() >= 0 and (top - now).min() >= 0):
+            else:  # weights from the new position, whose nodes must be in use
+                if not ti.abs(U[p] - anchor[p]).max() < K[ROOM]:
                     stays = False
                     report_fault(faults, row, GRID_FAULT, p, step)
                 if stays:
+                    now, g = locate(p, K, X, U)
                     to = now[0] * sx + now[1] * sy + now[2] + shift
                     push(p, row, to, g, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
             if not stays:

@@ -86,6 +86,7 @@ class State:
         K[slot.REACH], K[slot.HALF] = s.loading.offset, half_reach(s)
         K[slot.GX : slot.GZ + 1] = s.loading.gravity
         K[slot.MAX_SPEED] = s.solver.max_speed
+        K[slot.ROOM] = MARGIN * s.solver.h
         K[slot.WALL] = 1.0 - 3 * s.solver.h if s.solver.walls else 0.0
         self.K = K
         self.parameters = ti.ndarray(self.real, slot.PARAMETERS)
@@ -99,7 +100,6 @@ class State:
                 f"the grid would need {self.layout.size:,} nodes: choose fewer solver.cells={self.scene.solver.cells}."
             )
         self.K[slot.LX : slot.LZ + 1] = self.layout.lowest
-        self.K[slot.NX : slot.NZ + 1] = self.layout.shape
         self._place_grid(self.layout, self.layout.positions(aside) * self.scene.solver.h)
         self.anchor.copy_from(self.U)
 
@@ -143,8 +143,8 @@ class State:
         kernel = substeps(s.material.law, s.fracture.law, self.total, s.loading.grips, self.drive, self.real, self.wide)
         arrays = (
             *self.layout.strides, self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume,
-            self.label, self.velocity, self.copies, self.nodes, self.owner, self.source, self.shift, self.start,
-            self.books, self.faults,
+            self.label, self.anchor, self.velocity, self.copies, self.nodes, self.owner, self.source, self.shift,
+            self.start, self.books, self.faults,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)
