@@ -106,9 +106,11 @@ def table(rows: Iterable[Row]) -> Table:
         out.add_column(name, justify="right")
     for name in ("unit", "target", "met"):
         out.add_column(name)
+    last = ""
     for row in rows:
-        colour = {"yes": "green", "no": "red", "": ""}[row.met]
+        colour = {"yes": "[green]", "no": "[red]", "": ""}[row.met]
         best = "" if row.best is None else f"{row.best:.4g}"
-        met = f"[{colour}]{row.met}[/]" if colour else ""
-        out.add_row(row.benchmark, row.variant, f"{row.value:.4g}", best, row.unit, row.target, met)
+        name = "" if row.benchmark == last else row.benchmark
+        out.add_row(name, row.variant, f"{row.value:.4g}", best, row.unit, row.target, colour + row.met)
+        last = row.benchmark
     return out

@@ -15,54 +15,53 @@ from fracsim.vocab import DOMAIN, Backend
 
 UNIT = "ns/particle"
 FASTER = 8
-"""How many times the plain substep ours has to beat."""
-TWINS = ("first twin", "second twin")
-"""Two processes of one thread that work at the same time."""
+"""How many times as fast as the plain substep this project's has to be."""
+PLAIN, BLOCKED, OURS = "plain", "blocked", "fixed_corotated"
+TWINS = "fixed_corotated, 1 thread, two processes side by side"
 
 
 def rows(plan: Plan) -> Iterator[Row]:
-    """Measure all competitors, each with all cores unless it says otherwise."""
-    cores = backend.threads(Backend())
+    """Measure all contestants, each with all cores unless it says otherwise."""
     contestants = {
-        "plain": ("plain", cores),
-        "blocked": ("blocked", cores),
-        "fixed_corotated": ("ours", cores),
+        PLAIN: ("plain", 0),
+        BLOCKED: ("blocked", 0),
+        OURS: ("ours", 0),
         "fixed_corotated, 1 thread": ("ours", 1),
-        "neo_hookean": ("ours", cores, "--law=neo_hookean"),
+        "neo_hookean": ("ours", 0, "--law=neo_hookean"),
         "neo_hookean, 1 thread": ("ours", 1, "--law=neo_hookean"),
-        TWINS[0]: ("ours", 1),
-        TWINS[1]: ("ours", 1),
     }
+    sizes = (f"--cells={plan.cells}", f"--substeps={plan.substeps}")
     with ExitStack() as stack:
-        sizes = (f"--cells={plan.cells}", f"--substeps={plan.substeps}")
-        workers = {name: stack.enter_context(Worker("substep", *words, *sizes)) for name, words in contestants.items()}
-        rounds = [_round(workers) for _ in range(plan.rounds)]
-    yield from _table({name: [r[name] for r in rounds] for name in rounds[0]}, cores)
+
+        def worker(*words: object) -> Worker:
+            return stack.enter_context(Worker("substep", *words, *sizes))
+
+        workers = {name: worker(*words) for name, words in contestants.items()}
+        twins = [workers["fixed_corotated, 1 thread"], worker("ours", 1)]
+        rounds = [_round(workers, twins) for _ in range(plan.rounds)]
+        particles = twins[0].ready["particles"]
+    yield from _table({name: [r[name] for r in rounds] for name in rounds[0]}, particles)
 
 
-def _round(workers: dict[str, Worker]) -> dict[str, float]:
-    """One timing of each contestant [ns a particle and substep], the twins together."""
-    out = {name: float(w.measure()["ns"]) for name, w in workers.items() if name not in TWINS}
-    twins = [workers[name] for name in TWINS]
+def _round(workers: dict[str, Worker], twins: list[Worker]) -> dict[str, float]:
+    """One timing of each contestant [ns a particle and substep], and of two at the same time."""
+    out = {name: float(w.measure()["ns"]) for name, w in workers.items()}
     for twin in twins:
         twin.go()
-    out["twins"] = max(float(twin.answer()["ns"]) for twin in twins) / 2
+    out[TWINS] = max(float(twin.answer()["ns"]) for twin in twins) / len(twins)
     return out
 
 
-def _table(ns: dict[str, list[float]], cores: int) -> Iterator[Row]:
+def _table(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
     """Figures and ratios; a ratio is taken within a round."""
-    twins = ns.pop("twins")
+    what = f"substep, {particles:,} particles"
     for name, values in ns.items():
-        threads = "" if "thread" in name else f", {cores} threads"
-        ours = "" if name in ("plain", "blocked") else "ours, "
-        yield median("substep", f"{ours}{name}{threads}", values, UNIT)
-    yield median("substep", "ours, fixed_corotated, two processes of 1 thread side by side", twins, UNIT)
-    ours = ns["fixed_corotated"]
-    gain = [a / b for a, b in zip(ns["plain"], ours, strict=True)]
-    yield median("substep", "plain / ours, fixed_corotated", gain, "times", least=FASTER)
-    share = [b / a for a, b in zip(ns["blocked"], ours, strict=True)]
-    yield median("substep", "ours / blocked, fixed_corotated", share, "times", most=1)
+        yield median(what, name, values, UNIT)
+    ours = ns[OURS]
+    gain = [a / b for a, b in zip(ns[PLAIN], ours, strict=True)]
+    yield median(what, f"{PLAIN} / {OURS}", gain, "times", least=FASTER)
+    share = [b / a for a, b in zip(ns[BLOCKED], ours, strict=True)]
+    yield median(what, f"{OURS} / {BLOCKED}", share, "times", most=1)
 
 
 def contestant(name: str, cells: int, law: str, threads: int) -> Any:
@@ -102,7 +101,7 @@ def main() -> None:
 
     body.run(2)
     ti.sync()
-    serve(measure)
+    serve(measure, particles=len(body))
 
 
 if __name__ == "__main__":

@@ -53,8 +53,8 @@ class Worker:
         self._process.wait()
 
 
-def serve(measure: Callable[[], Answer]) -> None:
-    """The other end: say that everything is prepared, then measure at each `go` until there are no more."""
-    print(json.dumps({"ready": True}), flush=True)
+def serve(measure: Callable[[], Answer], **about: Any) -> None:
+    """The other end: tell `about` once everything is prepared, then measure at each `go` until there are no more."""
+    print(json.dumps(about), flush=True)
     for _ in sys.stdin:
         print(json.dumps(measure()), flush=True)

@@ -1,0 +1,97 @@
+"""Peak memory of a whole run, from the object to the films, of a bar that tears."""
+
+import argparse
+import json
+import resource
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from fracsim.bench.bar import DENSITY, NU
+from fracsim.bench.plan import Plan
+from fracsim.bench.record import Row
+from fracsim.bench.worker import Worker
+from fracsim.vocab import Asset, Capture, Fracture, Loading, Material, Output, Scene, Solver
+
+MOST = 2.0
+"""GiB that 200,000 particles may take."""
+
+
+def rows(plan: Plan) -> Iterator[Row]:
+    """Run once, with Taichi's usual cache; an error if the bar did not tear, for then little was asked of it."""
+    with Worker("memory", plan.memory_cells) as worker:
+        told = worker.ready
+    if not told["failed"]:
+        raise RuntimeError("the bar of the memory benchmark did not tear: change its scene.")
+    what = f"peak memory, {told['particles']:,} particles"
+    yield Row(what, "process and video encoders", told["process"] + told["encoders"], "GiB", most=MOST)
+    yield Row(what, "video encoders", told["encoders"], "GiB")
+
+
+def scene(cells: int, folder: str) -> Scene:
+    """A bar pulled so fast and so brittle that it tears within a few frames; RGB and four maps of 512 x 512."""
+    return Scene(
+        asset=Asset(name="bar"),
+        material=Material(E=6e3, nu=NU, density=DENSITY),
+        fracture=Fracture(onset=1.02, crit=1.1),
+        loading=Loading(speed=2.0),
+        solver=Solver(cells=cells),
+        capture=Capture(frames=5),
+        output=Output(folder=folder),
+    )
+
+
+class Encoders(threading.Thread):
+    """Watches how much memory the processes started by this one take together (Linux; 0 elsewhere)."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.most = 0.0
+        self._done = threading.Event()
+
+    def run(self) -> None:
+        """Look every 50 ms until told to stop."""
+        while not self._done.wait(0.05):
+            pids = [pid for file in Path("/proc/self/task").glob("*/children") for pid in file.read_text().split()]
+            self.most = max(self.most, sum(map(resident, pids)))
+
+    def stop(self) -> float:
+        """The largest sum of resident memory [GiB]."""
+        self._done.set()
+        self.join()
+        return self.most
+
+
+def resident(pid: str) -> float:
+    """Resident memory of a process [GiB]; 0 when it has ended."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize() / 2**30
+    except OSError:
+        return 0.0
+
+
+def peak() -> float:
+    """Largest resident memory of this process so far [GiB]; the system tells KiB on Linux and bytes on macOS."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
+
+
+def main() -> None:
+    """Be the process whose memory is measured."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("cells", type=int)
+    cells = parser.parse_args().cells
+    from fracsim import pipeline
+
+    encoders = Encoders()
+    encoders.start()
+    with tempfile.TemporaryDirectory() as folder:
+        path = pipeline.run(scene(cells, folder))
+        report = json.loads((path / "meta.json").read_text())["report"]
+    told = {"process": peak(), "encoders": encoders.stop()}
+    print(json.dumps({**told, "particles": report["particles"], "failed": report["failed"]}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

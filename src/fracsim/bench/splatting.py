@@ -1,0 +1,103 @@
+"""The rasteriser: colour with four maps against colour alone, on an opaque solid that fills the picture."""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from fracsim import backend
+from fracsim.bench.plan import Plan
+from fracsim.bench.record import Row, median
+from fracsim.bench.worker import Worker, serve
+from fracsim.records import Array, Frame, Particles
+from fracsim.vocab import CENTRE, Backend, Camera, Scene
+
+FRAME = 0.12
+"""Seconds that a frame with maps may take."""
+SHARE = 1.4
+"""How many times a frame with colour alone one with maps may take."""
+AXES = (0.3, 0.2, 0.2)
+"""Half axes of the solid [m]."""
+MARGIN = 1.05
+"""How much more than the solid's half width the picture shows."""
+
+
+def rows(plan: Plan) -> Iterator[Row]:
+    """Measure with all cores."""
+    with Worker("splatting", plan.gaussians, plan.pixels) as worker:
+        rounds = [worker.measure() for _ in range(plan.rounds)]
+    what = f"picture, {plan.gaussians:,} Gaussians, {plan.pixels} x {plan.pixels}"
+    seconds = {name: [float(r[name]) for r in rounds] for name in rounds[0]}
+    yield median(what, "RGB", seconds["rgb"], "s")
+    yield median(what, "RGB + 4 maps", seconds["maps"], "s", most=FRAME)
+    shares = [a / b for a, b in zip(seconds["maps"], seconds["rgb"], strict=True)]
+    yield median(what, "RGB + 4 maps / RGB", shares, "times", most=SHARE)
+    yield median(what, "RGB + 4 maps, their quantities and RGB as bytes included", seconds["film"], "s")
+
+
+def solid(n: int) -> tuple[Particles, Frame]:
+    """The n lattice points nearest the centre of an ellipsoid, as round Gaussians, stretched a little and twisted."""
+    volume = 4 / 3 * np.pi * np.prod(AXES)
+    spacing = float((volume / n) ** (1 / 3))
+    lattice = [spacing * np.arange(-int(1.1 * a / spacing), int(1.1 * a / spacing) + 1) for a in AXES]
+    P = np.stack(np.meshgrid(*lattice, indexing="ij"), -1).reshape(-1, 3)
+    P = P[np.argsort(np.linalg.norm(P / AXES, axis=1), kind="stable")[:n]].astype(np.float32)
+    particles = Particles(
+        X=(P + CENTRE).astype(np.float32),
+        volume=np.full(n, spacing**3, np.float32),
+        covariance=np.tile(np.float32([1, 0, 0, 1, 0, 1]) * np.float32(0.36 * spacing**2), (n, 1)),
+        opacity=np.full(n, 0.98, np.float32),
+        sh=np.repeat((P / AXES)[:, None, :], 1, axis=1).astype(np.float32),
+        surface=np.zeros(n, bool),
+        spacing=spacing,
+    )
+    F = np.tile(np.eye(3, dtype=np.float32), (n, 1, 1))
+    F[:, 0, 0], F[:, 0, 1] = 1.1, P[:, 0]
+    tau = np.float32(1e3) * (F - np.eye(3, dtype=np.float32))
+    frame = Frame(1, 0.01, particles.X, P.copy(), F, tau, np.clip(5 * P[:, 0], 0, 1))
+    return particles, frame
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Seconds of one call."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
+    """What is timed, each called once so that it is compiled; starts Taichi."""
+    backend.start(Backend())
+    from fracsim.film import Film
+    from fracsim.render.splat import Splatter
+
+    film = Film(Scene(camera=Camera(width=pixels, height=pixels, half_width=MARGIN * AXES[0])))
+    particles, frame = solid(n)
+
+    def splat(splatter: Splatter, features: Array) -> Callable[[], object]:
+        return lambda: splatter.render(frame.x, particles.covariance, frame.F, particles.opacity, features)
+
+    features = np.random.default_rng(0).random((n, film.channels), np.float32)
+    out = {
+        "rgb": splat(Splatter(film.view, 3), np.ascontiguousarray(features[:, :3])),
+        "maps": splat(Splatter(film.view, film.channels), features),
+        "film": lambda: film.shoot(frame, particles),
+    }
+    for work in out.values():
+        work()
+    return out
+
+
+def main() -> None:
+    """Be the process that renders: compile, then time one frame of each kind at each `go`."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("gaussians", type=int)
+    parser.add_argument("pixels", type=int)
+    words = parser.parse_args()
+    works = contestants(words.gaussians, words.pixels)
+    serve(lambda: {name: timed(work) for name, work in works.items()})
+
+
+if __name__ == "__main__":
+    main()

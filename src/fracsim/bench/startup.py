@@ -1,0 +1,90 @@
+"""From a command to its first picture: importing, a run with empty caches, the same run again."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fracsim.bench.plan import Plan
+from fracsim.bench.record import Row, median
+from fracsim.sample.schema import JOURNAL
+
+IMPORT, FIRST, DEMO = 0.5, 8.0, 90.0
+"""Seconds that importing, the first frame of a warm run and the whole default run may take."""
+SECOND_LAW = ("material.law=neo_hookean", "capture.frames=2")
+LOADED = "import sys, time; t = time.perf_counter(); import fracsim; t = time.perf_counter() - t; print(t, *sys.modules)"
+
+
+@dataclass(frozen=True)
+class Run:
+    """Seconds from the start of the process to each frame, and to its end."""
+
+    frames: tuple[float, ...]
+    end: float
+
+
+def rows(plan: Plan) -> Iterator[Row]:
+    """Measure with caches of its own; files that the system keeps in memory are warm."""
+    yield from _imports(plan.rounds)
+    with tempfile.TemporaryDirectory() as folder:
+        caches = Path(folder)
+        cold = run(caches, "cold", *plan.run)
+        compiled = kernels(caches)
+        warm = [run(caches, f"warm{k}", "capture.frames=2", *plan.run) for k in range(3)]
+        whole = run(caches, "whole", *plan.run)
+        before = kernels(caches)
+        run(caches, "second", *plan.run, *SECOND_LAW)
+        more = kernels(caches) - before
+    yield Row("cold start", "first frame (object prepared, kernels compiled)", cold.frames[0], "s")
+    yield Row("cold start", "frame 1, the first that moved", cold.frames[1], "s")
+    yield Row("cold start", "whole default run, as in `make demo`", cold.end, "s", most=DEMO)
+    yield median("warm start", "first frame", [w.frames[0] for w in warm], "s", most=FIRST)
+    yield median("warm start", "frame 1, the first that moved", [w.frames[1] for w in warm], "s")
+    yield Row("warm start", "whole default run", whole.end, "s", most=DEMO)
+    yield Row("kernels", "compiled by the default run (fixed_corotated)", compiled, "kernels")
+    yield Row("kernels", "compiled besides for a second law (neo_hookean)", more, "kernels")
+
+
+def _imports(repeats: int) -> Iterator[Row]:
+    """The time of `import fracsim`, and how many of the heavy packages it loads."""
+    seconds, heavy = [], 0
+    for _ in range(repeats):
+        told = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True).stdout.split()
+        seconds.append(float(told[0]))
+        heavy = max(heavy, len({"taichi", "torch"} & set(told[1:])))
+    yield median("import fracsim", "time", seconds, "s", most=IMPORT)
+    yield Row("import fracsim", "of taichi and torch, loaded", heavy, "modules", most=0)
+
+
+def run(caches: Path, name: str, *overrides: str) -> Run:
+    """`python -m fracsim OVERRIDES` with the caches in a folder; raises RuntimeError with what it said if it fails."""
+    out = caches / name
+    env = {**os.environ, "FRACSIM_CACHE": str(caches / "objects"), "TI_OFFLINE_CACHE_FILE_PATH": str(caches / "kernels")}
+    command = [sys.executable, "-m", "fracsim", f"output.folder={out}", *overrides]
+    frames: list[float] = []
+    start = time.perf_counter()
+    with (caches / "said").open("w+") as said:
+        process = subprocess.Popen(command, env=env, stdout=said, stderr=subprocess.STDOUT)
+        while process.poll() is None:
+            time.sleep(0.01)
+            seen = sum(file.read_text().count("\n") for file in _journals(out))
+            frames += [time.perf_counter() - start] * (seen - len(frames))
+        end = time.perf_counter() - start
+        if process.returncode or len(frames) < 2:
+            said.seek(0)
+            raise RuntimeError(f"{' '.join(command)} ended with status {process.returncode}:\n{said.read()}")
+    return Run(tuple(frames), end)
+
+
+def _journals(out: Path) -> list[Path]:
+    """The files that grow by a line when a frame is written."""
+    return [file for file in out.glob(f"*/{JOURNAL}") if file.exists()]
+
+
+def kernels(caches: Path) -> int:
+    """Kernels that Taichi has compiled into its cache."""
+    return len(list((caches / "kernels").rglob("*.tic")))
