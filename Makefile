@@ -24,7 +24,7 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@touch $@ $(VENV)/run.stamp
 
 demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, say where the film lies
-	$(RUN) fracsim
+	$(RUN) fracsim capture.frames=40
 
 test: $(VENV)/dev.stamp  ## all tests that take seconds
 	$(RUN) pytest -m "not slow and not gpu"

@@ -35,8 +35,9 @@ def main(words: Sequence[str] | None = None) -> int:
     plan = QUICK if wanted.quick else FULL
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
     rows: list[Row] = []
-    for name in wanted.only or PARTS:
-        console.print(f"measuring {name} ...")
+    parts = wanted.only or list(PARTS)
+    for k, name in enumerate(parts, 1):
+        console.print(f"measuring {name} ({k} of {len(parts)}) ...")
         rows += PARTS[name](plan)
     if wanted.quick:
         rows = [row.without_target() for row in rows]

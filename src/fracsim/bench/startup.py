@@ -29,7 +29,7 @@ class Run:
 
 def rows(plan: Plan) -> Iterator[Row]:
     """Measure with caches of its own; files that the system keeps in memory are warm."""
-    yield from _imports(plan.rounds)
+    yield from imports(plan.rounds)
     with tempfile.TemporaryDirectory() as folder:
         caches = Path(folder)
         cold = run(caches, "cold", *plan.run)
@@ -49,7 +49,7 @@ def rows(plan: Plan) -> Iterator[Row]:
     yield Row("kernels", "compiled besides for a second law (neo_hookean)", more, "kernels")
 
 
-def _imports(repeats: int) -> Iterator[Row]:
+def imports(repeats: int) -> Iterator[Row]:
     """The time of `import fracsim`, and how many of the heavy packages it loads."""
     seconds, heavy = [], 0
     for _ in range(repeats):
