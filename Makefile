@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-slow check format bench figures clean
+.PHONY: help demo test test-gpu check format bench figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -27,10 +27,10 @@ demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, sa
 	$(RUN) fracsim capture.frames=40
 
 test: $(VENV)/dev.stamp  ## all tests that take seconds
-	$(RUN) pytest -m "not slow and not gpu"
+	$(RUN) pytest -m "not gpu"
 
-test-slow: $(VENV)/dev.stamp  ## the tests that take minutes
-	$(RUN) pytest -m slow
+test-gpu: $(VENV)/dev.stamp  ## compare CUDA, Vulkan or Metal with the CPU, where there is one
+	$(RUN) pytest -m gpu
 
 check: $(VENV)/dev.stamp  ## format, lint, types, import layers
 	$(RUN) ruff format --check .

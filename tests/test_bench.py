@@ -39,7 +39,7 @@ def test_full_size_is_the_bar_of_the_comparison():
     X = bar.lattice(2 / 150)
     assert len(X) == 81_000
     np.testing.assert_allclose(X.max(axis=0) - X.min(axis=0) + 1 / 150, (0.6, 0.2, 0.2), atol=1e-6)
-    np.testing.assert_allclose(X.mean(axis=0), CENTRE, atol=1e-5)
+    np.testing.assert_allclose(X.mean(axis=0, dtype=float), CENTRE, atol=1e-6)
 
 
 def test_competitors_move_the_bar_alike():
@@ -55,9 +55,9 @@ def test_competitors_move_the_bar_alike():
 
 
 def test_the_total_formulation_differs_by_the_size_of_the_strain():
-    """Weights of the rest state instead of the present one: a relative difference of the order of the strain, 1 %."""
+    """Weights of the rest state instead of the present one: a relative difference of the order of the strain, 0.8 /s x 6 ms."""
     plain, _, ours = paths("total")
-    assert np.abs(ours - plain).max() < 0.02 * np.abs(plain).max()
+    assert np.abs(ours - plain).max() < 0.005 * np.abs(plain).max()
 
 
 def test_ratio_targets_and_medians():
@@ -87,12 +87,14 @@ def test_a_worker_that_dies_is_an_error():
 def test_the_solid_has_as_many_gaussians_as_asked_for():
     particles, frame = splatting.solid(1000)
     assert len(particles) == len(frame.x) == 1000
-    assert np.isfinite(frame.F).all() and (frame.J > 0).all()
+    assert np.isfinite(frame.F).all()
+    assert (frame.J > 0).all()
 
 
 def test_importing_needs_neither_taichi_nor_torch():
     seconds, heavy = startup.imports(1)
-    assert heavy.met == "yes" and seconds.value > 0
+    assert heavy.met == "yes"
+    assert seconds.value > 0
 
 
 def stored(folder):

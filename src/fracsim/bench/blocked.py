@@ -49,6 +49,7 @@ def kirchhoff(F):
 
 @ti.kernel
 def clear(live: Indices, nodes: Nodes):
+    """Empty the nodes."""
     for q in live:
         nodes[live[q]] = ti.Vector.zero(ti.f32, 4)
 
@@ -56,6 +57,7 @@ def clear(live: Indices, nodes: Nodes):
 @ti.kernel
 def scatter(first: ti.i32, end: ti.i32, dt: ti.f32, h: ti.f32, m: ti.f32, volume: ti.f32, sx: ti.i32, sy: ti.i32,
             start: Indices, stop: Indices, x: Vectors, v: Vectors, C: Matrices, F: Matrices, nodes: Nodes):  # fmt: skip
+    """What the blocks first .. end - 1, of one colour, send to the nodes."""
     for q in range(first * SHARE, end * SHARE):
         if q % SHARE == 0:
             for p in range(start[q // SHARE], stop[q // SHARE]):
@@ -73,6 +75,7 @@ def scatter(first: ti.i32, end: ti.i32, dt: ti.f32, h: ti.f32, m: ti.f32, volume
 
 @ti.kernel
 def accelerate(live: Indices, nodes: Nodes):
+    """From momentum to velocity; the grid keeps a part of it."""
     for q in live:
         n = nodes[live[q]]
         if n[3] > 0:
@@ -82,6 +85,7 @@ def accelerate(live: Indices, nodes: Nodes):
 @ti.kernel
 def gather(dt: ti.f32, h: ti.f32, sx: ti.i32, sy: ti.i32, x: Vectors, v: Vectors, C: Matrices, F: Matrices,
            nodes: Nodes):  # fmt: skip
+    """New velocities, positions and deformation of the particles from the nodes."""
     for p in x:
         base, f, w = stencil(x[p] / h)
         at = base[0] * sx + base[1] * sy + base[2]

@@ -39,6 +39,7 @@ def kirchhoff(F):
 
 @ti.kernel
 def clear(momentum: Nodes3, mass: Nodes1):
+    """Empty the nodes."""
     for I in ti.grouped(mass):
         momentum[I] = ti.Vector.zero(ti.f32, 3)
         mass[I] = 0
@@ -47,6 +48,7 @@ def clear(momentum: Nodes3, mass: Nodes1):
 @ti.kernel
 def scatter(dt: ti.f32, h: ti.f32, m: ti.f32, volume: ti.f32, x: Vectors, v: Vectors, C: Matrices, F: Matrices,
             momentum: Nodes3, mass: Nodes1):  # fmt: skip
+    """Momentum, mass and the impulse of the stress to the nodes; += is atomic."""
     for p in x:
         base, f, w = stencil(x[p] / h)
         damped = C[p] - bar.RPIC / 2 * (C[p] + C[p].transpose())
@@ -60,6 +62,7 @@ def scatter(dt: ti.f32, h: ti.f32, m: ti.f32, volume: ti.f32, x: Vectors, v: Vec
 
 @ti.kernel
 def accelerate(momentum: Nodes3, mass: Nodes1):
+    """From momentum to velocity; the grid keeps a part of it."""
     for I in ti.grouped(mass):
         if mass[I] > 0:
             momentum[I] = momentum[I] / mass[I] * bar.KEEP
@@ -67,6 +70,7 @@ def accelerate(momentum: Nodes3, mass: Nodes1):
 
 @ti.kernel
 def gather(dt: ti.f32, h: ti.f32, x: Vectors, v: Vectors, C: Matrices, F: Matrices, velocity: Nodes3):
+    """New velocities, positions and deformation of the particles from the nodes."""
     for p in x:
         base, f, w = stencil(x[p] / h)
         new_v, new_C = ti.Vector.zero(ti.f32, 3), ti.Matrix.zero(ti.f32, 3, 3)

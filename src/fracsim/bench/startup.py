@@ -16,7 +16,7 @@ from fracsim.sample.schema import JOURNAL
 IMPORT, FIRST, DEMO = 0.5, 8.0, 90.0
 """Seconds that importing, the first frame of a warm run and the whole default run may take."""
 SECOND_LAW = ("material.law=neo_hookean", "capture.frames=2")
-LOADED = "import sys, time; t = time.perf_counter(); import fracsim; t = time.perf_counter() - t; print(t, *sys.modules)"
+LOADED = "import sys, time; t = time.perf_counter(); import fracsim; print(time.perf_counter() - t, *sys.modules)"
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,14 @@ def imports(repeats: int) -> Iterator[Row]:
 
 
 def run(caches: Path, name: str, *overrides: str) -> Run:
-    """`python -m fracsim OVERRIDES` with the caches in a folder; raises RuntimeError with what it said if it fails."""
+    """Time `python -m fracsim OVERRIDES`, its caches in a folder; raises RuntimeError with what it said if it fails."""
     out = caches / name
-    env = {**os.environ, "FRACSIM_CACHE": str(caches / "objects"), "TI_OFFLINE_CACHE_FILE_PATH": str(caches / "kernels")}
+    places = {"FRACSIM_CACHE": str(caches / "objects"), "TI_OFFLINE_CACHE_FILE_PATH": str(caches / "kernels")}
     command = [sys.executable, "-m", "fracsim", f"output.folder={out}", *overrides]
     frames: list[float] = []
     start = time.perf_counter()
     with (caches / "said").open("w+") as said:
-        process = subprocess.Popen(command, env=env, stdout=said, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(command, env=os.environ | places, stdout=said, stderr=subprocess.STDOUT)
         while process.poll() is None:
             time.sleep(0.01)
             seen = sum(file.read_text().count("\n") for file in _journals(out))
