@@ -55,7 +55,7 @@ def test_competitors_move_the_bar_alike():
 
 
 def test_the_total_formulation_differs_by_the_size_of_the_strain():
-    """Weights of the rest state instead of the present one: a relative difference of the order of the strain, 0.8 /s x 6 ms."""
+    """Weights of the rest state, not the present one: a relative difference of the order of the strain, 0.8 /s x 6 ms."""
     plain, _, ours = paths("total")
     assert np.abs(ours - plain).max() < 0.005 * np.abs(plain).max()
 

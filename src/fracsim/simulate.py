@@ -130,9 +130,9 @@ class Simulator:
         J = np.where(self.state.D.to_numpy() < 1, np.linalg.det(self.state.F.to_numpy()), np.inf)
         p = int(J.argmin())
         return (
-            f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the worst "
-            f"is particle {p} (field F, J = {J[p]:.2g}, below 0.05). Likely the substep is too long or the thresholds let "
-            "the material stretch too far: use solver.dt=auto or a smaller solver.safety."
+            f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the "
+            f"worst is particle {p} (field F, J = {J[p]:.2g}, below 0.05). Likely the substep is too long or the "
+            "thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
         )
 
     def _frame(self, k: int) -> Frame:

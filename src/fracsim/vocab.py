@@ -249,6 +249,6 @@ class Scene:
         check(self, "")
         if self.solver.max_speed <= self.loading.speed:
             raise ValueError(
-                f"solver.max_speed={self.solver.max_speed:g} is not above loading.speed={self.loading.speed:g} m/s, so the "
-                "grips alone would stop the run. Raise solver.max_speed."
+                f"solver.max_speed={self.solver.max_speed:g} is not above loading.speed={self.loading.speed:g} m/s, "
+                "so the grips alone would stop the run. Raise solver.max_speed."
             )

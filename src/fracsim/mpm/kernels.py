@@ -37,8 +37,8 @@ def types(real: Any) -> dict[str, Any]:
 def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag, anchor), grid, copies,
-    nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether to gather
+    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag, anchor), grid,
+    copies, nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether to gather
     and to scatter stand in the place of n.
     """
     atomic = drive == "gpu"
