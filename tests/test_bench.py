@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fracsim import Scene, Solver
-from fracsim.bench import bar, splatting, startup
-from fracsim.bench.__main__ import PARTS, main
+from fracsim.bench import bar, splatting, startup, substep
+from fracsim.bench.__main__ import main
 from fracsim.bench.blocked import Blocked
 from fracsim.bench.plain import Plain
 from fracsim.bench.record import Row, median, table, write
@@ -20,19 +20,25 @@ COLUMNS = {"benchmark", "variant", "value", "unit", "target", "met", "cpu", "cor
            "commit", "date"}  # fmt: skip
 
 
-def paths(formulation):
-    """Displacements of the free bar by the plain substep, by the one in blocks, and by this project's solver [m]."""
-    solver = Solver(cells=CELLS, formulation=formulation, damping="per_substep")
-    X = bar.lattice(solver.h)
-    v = bar.velocity(X)
+@pytest.fixture(scope="module")
+def competitors():
+    """Displacements of the bar by the plain substep, and by the one in blocks [m]."""
+    X = bar.lattice(2 / CELLS)
     out = []
-    for body in (Plain(X, v, CELLS), Blocked(X, v, CELLS)):
+    for body in (Plain(X, bar.velocity(X), CELLS), Blocked(X, bar.velocity(X), CELLS)):
         body.run(SUBSTEPS)
         out.append(body.positions() - X)
+    return out
+
+
+def ours(formulation):
+    """Displacements of the bar by this project's solver, held by no grip [m]."""
+    solver = Solver(cells=CELLS, formulation=formulation, damping="per_substep")
+    X = bar.lattice(solver.h)
     state = bars.free(Scene(material=bar.material("fixed_corotated"), solver=solver), bars.particles(X, solver.spacing))
-    state.V.from_numpy(v)
+    state.V.from_numpy(bar.velocity(X))
     state.run(SUBSTEPS, bar.DT, 0.0)
-    return [*out, state.U.to_numpy()]
+    return state.U.to_numpy()
 
 
 def test_full_size_is_the_bar_of_the_comparison():
@@ -42,22 +48,21 @@ def test_full_size_is_the_bar_of_the_comparison():
     np.testing.assert_allclose(X.mean(axis=0, dtype=float), CENTRE, atol=1e-6)
 
 
-def test_competitors_move_the_bar_alike():
+def test_competitors_move_the_bar_alike(competitors):
     """One discretisation, so only round-off differs: positions around 1 m in float32 lose half of 1.2e-7 a substep."""
-    plain, blocked, ours = paths("updated")
+    plain, blocked = competitors
     moved = np.abs(plain).max()
     assert moved > 1e-3  # and elastically: the bar does not fly on with its first velocities
     X = bar.lattice(2 / CELLS)
     assert np.abs(plain - SUBSTEPS * bar.DT * bar.velocity(X)).max() > 0.1 * moved
-    tolerance = SUBSTEPS * 1.2e-7
-    np.testing.assert_allclose(blocked, plain, atol=tolerance)
-    np.testing.assert_allclose(ours, plain, atol=tolerance)
+    np.testing.assert_allclose(blocked, plain, atol=SUBSTEPS * 1.2e-7)
+    np.testing.assert_allclose(ours("updated"), plain, atol=SUBSTEPS * 1.2e-7)
 
 
-def test_the_total_formulation_differs_by_the_size_of_the_strain():
-    """Weights of the rest state, not the present one: a relative difference of the order of the strain, 0.8 /s x 6 ms."""
-    plain, _, ours = paths("total")
-    assert np.abs(ours - plain).max() < 0.005 * np.abs(plain).max()
+def test_the_total_formulation_differs_by_the_size_of_the_strain(competitors):
+    """Weights of the rest state, not the present one: a difference of the order of the strain, 0.8 /s x 6 ms."""
+    plain, _ = competitors
+    assert np.abs(ours("total") - plain).max() < 0.005 * np.abs(plain).max()
 
 
 def test_ratio_targets_and_medians():
@@ -110,10 +115,15 @@ def test_it_runs_and_stores(tmp_path):
     assert all(float(row["value"]) > 0 and row["target"] == "" for row in rows)
 
 
-@pytest.mark.slow
-def test_all_parts_run(tmp_path):
-    assert main(["--quick", "--out", str(tmp_path)]) == 0
-    rows = stored(tmp_path)
-    told = " ".join(row["benchmark"] for row in rows)
-    assert all(word in told for word in ("substep", "picture", "import", "cold", "warm", "kernels", "memory"))
-    assert len(PARTS) == 4
+def test_a_substep_is_timed_in_a_process_of_its_own():
+    with Worker("substep", "ours", 1, "--cells=30", "--substeps=2") as worker:
+        assert worker.ready["particles"] == 9 * 3 * 3 * 8
+        assert worker.measure()["ns"] > 0
+
+
+def test_ratios_are_taken_within_a_round():
+    """A machine that halves its speed in the second round changes no ratio."""
+    ns = {"plain": [900.0, 1800.0], "blocked": [110.0, 220.0], "fixed_corotated": [100.0, 200.0]}
+    *_, gain, share = substep.summary(ns, 81_000)
+    assert (gain.value, gain.met, share.met) == (9.0, "yes", "yes")
+    assert share.value == pytest.approx(1 / 1.1)

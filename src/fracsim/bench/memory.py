@@ -31,14 +31,14 @@ def rows(plan: Plan) -> Iterator[Row]:
 
 
 def scene(cells: int, folder: str) -> Scene:
-    """A bar pulled so fast and so brittle that it tears within a few frames; RGB and four maps of 512 x 512."""
+    """A bar so brittle that it tears within a few frames; RGB and four maps of 512 x 512."""
     return Scene(
         asset=Asset(name="bar"),
-        material=Material(E=6e3, nu=NU, density=DENSITY),
-        fracture=Fracture(onset=1.02, crit=1.1),
-        loading=Loading(speed=2.0),
+        material=Material(E=6e3, nu=NU, density=DENSITY, viscosity=44.4, decay=5.0),
+        fracture=Fracture(onset=1.05, crit=1.2),
+        loading=Loading(speed=0.8),
         solver=Solver(cells=cells),
-        capture=Capture(frames=5),
+        capture=Capture(frames=8),
         output=Output(folder=folder),
     )
 

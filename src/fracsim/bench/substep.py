@@ -40,7 +40,7 @@ def rows(plan: Plan) -> Iterator[Row]:
         twins = [workers["fixed_corotated, 1 thread"], worker("ours", 1)]
         rounds = [_round(workers, twins) for _ in range(plan.rounds)]
         particles = twins[0].ready["particles"]
-    yield from _table({name: [r[name] for r in rounds] for name in rounds[0]}, particles)
+    yield from summary({name: [r[name] for r in rounds] for name in rounds[0]}, particles)
 
 
 def _round(workers: dict[str, Worker], twins: list[Worker]) -> dict[str, float]:
@@ -52,7 +52,7 @@ def _round(workers: dict[str, Worker], twins: list[Worker]) -> dict[str, float]:
     return out
 
 
-def _table(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
+def summary(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
     """Figures and ratios; a ratio is taken within a round."""
     what = f"substep, {particles:,} particles"
     for name, values in ns.items():

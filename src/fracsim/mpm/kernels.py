@@ -38,8 +38,8 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
     Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag, anchor), grid,
-    copies, nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether to gather
-    and to scatter stand in the place of n.
+    copies, nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether
+    to gather and to scatter stand in the place of n.
     """
     atomic = drive == "gpu"
     particle = particle_function(law, damage, total, grips, atomic, real)

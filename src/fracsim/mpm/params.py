@@ -6,8 +6,8 @@
 (SPEED, UX, UY, UZ, REACH, HALF, GX, GY, GZ, MAX_SPEED) = range(10, 20)
 """Grip speed, tearing axis, distance of the grips' middle planes, half their thickness, gravity, speed limit."""
 (LX, LY, LZ, ROOM, WALL, RH, ETA_MAX) = range(20, 27)
-"""Lowest node of the box, how far a particle may move on it, distance of walls from the centre (0: none), 1 / h, largest
-viscosity / 2."""
+"""Lowest node of the box, how far a particle may move on it, distance of walls from the centre (0: none), 1 / h,
+largest viscosity / 2."""
 PARAMETERS = 27
 
 # Books: running sums in SI units, one row a thread.
