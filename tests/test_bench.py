@@ -1,6 +1,8 @@
 """The benchmark compares like with like, and stores what it measured."""
 
 import csv
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from fracsim.bench import bar, splatting, startup, substep
 from fracsim.bench.__main__ import main
 from fracsim.bench.blocked import Blocked
 from fracsim.bench.plain import Plain
+from fracsim.bench.plan import FULL
 from fracsim.bench.record import Row, median, table, write
 from fracsim.bench.worker import Worker
 from fracsim.vocab import CENTRE
@@ -100,6 +103,12 @@ def test_importing_needs_neither_taichi_nor_torch():
     seconds, heavy = startup.imports(1)
     assert heavy.met == "yes"
     assert seconds.value > 0
+
+
+def test_the_run_that_is_timed_is_the_demo():
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text()
+    (words,) = re.findall(r"^demo:.*\n\t\$\(RUN\) fracsim(.*)$", makefile, re.MULTILINE)
+    assert tuple(words.split()) == FULL.run
 
 
 def stored(folder):

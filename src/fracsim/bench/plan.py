@@ -20,10 +20,10 @@ class Plan:
     pixels: int
     """Its width and height [px]."""
     run: tuple[str, ...]
-    """What is changed in the default scene for cold and warm start."""
+    """Overrides of the run for cold and warm start; `FULL` has those of `make demo`."""
     memory_cells: int
     """Cells along the domain for the peak memory: a bar of 200,000 particles needs 203."""
 
 
-FULL = Plan("full", 150, 16, 9, 100_000, 512, (), 203)
+FULL = Plan("full", 150, 16, 9, 100_000, 512, ("capture.frames=40",), 203)
 QUICK = Plan("quick", 30, 4, 2, 2_000, 64, ("quality=preview", "solver.cells=40", "capture.frames=3"), 50)
