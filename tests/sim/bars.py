@@ -61,6 +61,17 @@ def free(scene: Scene, body: Particles) -> State:
     return state
 
 
+def driven(scene: Scene, body: Particles, drive: str, chunks: int) -> State:
+    """A state that runs its substeps by this drive, whatever the machine would choose."""
+
+    class Driven(State):
+        def _allocate(self, particles: Particles) -> None:
+            self.drive, self.chunks = drive, chunks
+            super()._allocate(particles)
+
+    return Driven(scene, body)
+
+
 def momentum(state: State) -> Array:
     """Total linear momentum [kg m/s]."""
     m = state.scene.material.density * state.volume.to_numpy().astype(np.float64)

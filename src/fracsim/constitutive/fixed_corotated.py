@@ -2,18 +2,19 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import rotation
+from fracsim.mpm.tensor import cofactor, rotation, volume_ratio
 
 
 @ti.func
 def psi(F, mu, lam):
-    J = F.determinant()
-    return mu * (F - rotation(F, 8)).norm_sqr() + lam * (J - 1) ** 2 / 2
+    K = cofactor(F)
+    J = volume_ratio(F, K)
+    return mu * (F - rotation(F, K)).norm_sqr() + lam * (J - 1) ** 2 / 2
 
 
 @ti.func
 def piola(F, K, J, mu, lam):
-    return 2 * mu * (F - rotation(F, 4)) + (lam * (J - 1)) * K
+    return 2 * mu * (F - rotation(F, K)) + (lam * (J - 1)) * K
 
 
 @ti.func

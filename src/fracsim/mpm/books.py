@@ -1,21 +1,35 @@
 """Running sums and first faults, one row a thread, so that no thread waits for another."""
 
+from typing import Any, NamedTuple
+
 import taichi as ti
 
 
+class Ledger(NamedTuple):
+    """Where one thread of a CPU, or all of a GPU, writes what it counts."""
+
+    row: Any
+    books: Any
+    """Running sums, (rows, BOOKS)."""
+    faults: Any
+    """First fault of each row: kind, particle, substep, (rows, 3)."""
+    atomic: bool
+    """Whether others write to the same row."""
+
+
 @ti.func
-def tally(books: ti.template(), row, slot, amount, atomic: ti.template()):
-    """Add to a slot of a row; a row belongs to one thread on a CPU and to all of them on a GPU."""
-    if ti.static(atomic):
-        ti.atomic_add(books[row, slot], amount)
+def tally(ledger: ti.template(), slot, amount):
+    """Add to a running sum."""
+    if ti.static(ledger.atomic):
+        ti.atomic_add(ledger.books[ledger.row, slot], amount)
     else:
-        books[row, slot] = books[row, slot] + amount
+        ledger.books[ledger.row, slot] = ledger.books[ledger.row, slot] + amount
 
 
 @ti.func
-def report_fault(faults: ti.template(), row, kind, p, step):
-    """Keep the first fault of a row: its kind, particle and substep."""
-    if faults[row, 0] == 0:
-        faults[row, 0] = kind
-        faults[row, 1] = p
-        faults[row, 2] = step
+def report_fault(ledger: ti.template(), kind, p, step):
+    """Keep the first fault: its kind, particle and substep."""
+    if ledger.faults[ledger.row, 0] == 0:
+        ledger.faults[ledger.row, 0] = kind
+        ledger.faults[ledger.row, 1] = p
+        ledger.faults[ledger.row, 2] = step

@@ -68,13 +68,13 @@ def grip_of_node(x, middle, K: ti.template()):
 
 
 @ti.func
-def hold(books: ti.template(), row, grip, mass, v, K: ti.template(), mode: ti.template(), atomic: ti.template()):
+def hold(ledger: ti.template(), grip, mass, v, K: ti.template(), mode: ti.template()):
     """The velocity that a grip gives to `mass` moving with v; books its impulse and its work."""
     u = ti.Vector([K[UX], K[UY], K[UZ]])
     short = grip * K[SPEED] - v.dot(u)
     slot = PULL_LOW
     if grip > 0:
         slot = PULL_HIGH
-    tally(books, row, slot, mass * short, atomic)
-    tally(books, row, GRIP_WORK, mass * short * grip * K[SPEED], atomic)
+    tally(ledger, slot, mass * short)
+    tally(ledger, GRIP_WORK, mass * short * grip * K[SPEED])
     return v + short * u if ti.static(mode == "sliding") else (grip * K[SPEED]) * u

@@ -11,9 +11,11 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.mpm.node import node_function
-from fracsim.mpm.params import DT, REACH, SPEED, TIME
-from fracsim.mpm.particle import particle_function
+from fracsim.mpm.books import Ledger
+from fracsim.mpm.node import Nodes, node_function
+from fracsim.mpm.params import DT, PARAMETERS, REACH, SPEED, TIME
+from fracsim.mpm.particle import Points, particle_function
+from fracsim.mpm.transfer import Grid
 
 CHUNK = 512
 """Taichi's CPU backend never splits a range loop finer than this: a loop over heavy items is padded by it."""
@@ -34,19 +36,22 @@ def types(real: Any) -> dict[str, Any]:
 
 
 @cache
-def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
+def substeps(law: str, damage: str, total: bool, viscous: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, strides (sx, sy), parameters, particles (X, U, V, C, F, D, volume, tag, anchor), grid,
-    copies, nodes, owner, source, shift, start, books, faults. The other two run one substep: its number and whether
-    to gather and to scatter stand in the place of n.
+    Arguments of `serial`: n, parameters, particles (X, U, V, C, F, D, volume, tag, anchor), strides (sx, sy, sz) and
+    the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults. The other two run
+    one substep: its number and whether to gather and to scatter stand in the place of n.
     """
-    atomic = drive == "gpu"
-    particle = particle_function(law, damage, total, grips, atomic, real)
-    node = node_function(total, grips, atomic, real)
-    t = types(real)
-    Scalar, Vector, Vector4, Matrix, Index, Table = t.values()
+    particle = particle_function(law, damage, total, viscous, grips, real)
+    node = node_function(total, grips, real)
+    Scalar, Vector, Vector4, Matrix, Index, Table = types(real).values()
     Books = ti.types.ndarray(dtype=wide, ndim=2)
+
+    @ti.func
+    def read(parameters: ti.template()):
+        """The parameters as numbers, which are read once and not after each store."""
+        return ti.Vector([parameters[k] for k in ti.static(range(PARAMETERS))])
 
     @ti.func
     def middle(step, K: ti.template()):
@@ -54,49 +59,62 @@ def substeps(law: str, damage: str, total: bool, grips: str, drive: str, real: A
         return K[REACH] if ti.static(total) else K[REACH] + K[SPEED] * (K[TIME] + step * K[DT])
 
     @ti.kernel
-    def serial(n: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix,
-               D: Scalar, volume: Scalar, tag: Index, anchor: Vector, grid: Vector4, copies: Vector4, nodes: Index,
-               owner: Index, source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+    def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar,
+               volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
+               velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
+               shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
+            K = read(parameters)
             for step in range(n + 1):
                 if faults[0, 0] == 0:
                     for p in range(X.shape[0]):
-                        particle(p, 0, step, step > 0, step < n, 0 + shift[0], sx, sy, K, X, U, V, C, F, D, volume,
-                                 tag, anchor, grid, copies, books, faults)  # fmt: skip
+                        particle(p, step, step > 0, step < n, 0 + shift[0], K,
+                                 ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                                 ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
+                                 ti.static(Ledger(0, books, faults, False)))  # fmt: skip
                     if step < n:
-                        for q in range(nodes.shape[0]):
-                            node(q, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
+                        for q in range(index.shape[0]):
+                            node(q, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                                 ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
+                                 ti.static(Ledger(0, books, faults, False)))  # fmt: skip
 
     @ti.kernel
-    def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
-                U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector,
-                grid: Vector4, copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
-                books: Books, faults: Table):  # fmt: skip
+    def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
+                C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32,
+                sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index,
+                source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0:
-                c = q // CHUNK
+                c, K = q // CHUNK, read(parameters)
                 for p in range(start[c], start[c + 1]):
-                    particle(p, c, step, gathers == 1, scatters == 1, shift[c], sx, sy, K, X, U, V, C, F, D, volume,
-                             tag, anchor, grid, copies, books, faults)  # fmt: skip
+                    particle(p, step, gathers == 1, scatters == 1, shift[c], K,
+                             ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                             ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
+                             ti.static(Ledger(c, books, faults, False)))  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and scatters == 1:
-                c, chunks = q // CHUNK, shift.shape[0]
-                for i in range(c * nodes.shape[0] // chunks, (c + 1) * nodes.shape[0] // chunks):
-                    node(i, c, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
+                c, chunks, K = q // CHUNK, shift.shape[0], read(parameters)
+                for i in range(c * index.shape[0] // chunks, (c + 1) * index.shape[0] // chunks):
+                    node(i, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                         ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
+                         ti.static(Ledger(c, books, faults, False)))  # fmt: skip
 
     @ti.kernel
-    def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, sx: ti.i32, sy: ti.i32, K: Scalar, X: Vector,
-            U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector,
-            grid: Vector4, copies: Vector4, nodes: Index, owner: Index, source: Table, shift: Index, start: Index,
-            books: Books, faults: Table):  # fmt: skip
+    def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
+            C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32,
+            sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index,
+            source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         for p in range(X.shape[0]):
-            if faults[0, 0] != 0:
-                continue
-            particle(p, 0, step, gathers == 1, scatters == 1, shift[0], sx, sy, K, X, U, V, C, F, D, volume, tag,
-                     anchor, grid, copies, books, faults)  # fmt: skip
-        for i in range(nodes.shape[0]):
+            if faults[0, 0] == 0:
+                particle(p, step, gathers == 1, scatters == 1, shift[0], parameters,
+                         ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                         ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
+                         ti.static(Ledger(0, books, faults, True)))  # fmt: skip
+        for i in range(index.shape[0]):
             if scatters == 1:
-                node(i, 0, middle(step + 1, K), sx, sy, K, nodes, owner, source, grid, copies, books)
+                node(i, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),
+                     ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
+                     ti.static(Ledger(0, books, faults, True)))  # fmt: skip
 
     return {"serial": serial, "threads": threads, "gpu": gpu}[drive]

@@ -41,9 +41,9 @@ class Layout:
     """Nodes in all copies together."""
 
     @property
-    def strides(self) -> tuple[int, int]:
-        """Strides of the first two axes; the third is 1."""
-        return self.shape[1] * self.shape[2], self.shape[2]
+    def strides(self) -> tuple[int, int, int]:
+        """Strides of the three axes."""
+        return self.shape[1] * self.shape[2], self.shape[2], 1
 
     def positions(self, aside: Array | None = None) -> Array:
         """Positions at rest of the visited nodes [cells from the centre], (M, 3); `aside` as from `apart`."""

@@ -1,7 +1,7 @@
 """What one node does in a substep: sum the copies, accelerate, obey grips and walls."""
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import taichi as ti
 
@@ -24,45 +24,55 @@ from fracsim.mpm.params import (
 )  # fmt: skip
 
 
+class Nodes(NamedTuple):
+    """The nodes near a particle: M of those in the box."""
+
+    index: Any
+    """Which nodes of the box, (M,)."""
+    owner: Any
+    """Which grip, -1, 0 or +1, each moves with, (M,); of the rest configuration."""
+    source: Any
+    """Where each lies in each thread's copy, or -1, (M, threads)."""
+
+
 @ti.func
-def place(i, sx, sy, K: ti.template()):
+def place(i, g: ti.template(), K: ti.template()):
     """Position of node i of the box relative to the object's centre [m]."""
-    return K[H] * ti.Vector([K[LX] + i // sx, K[LY] + i % sx // sy, K[LZ] + i % sy])
+    return K[H] * ti.Vector([K[LX] + i // g.sx, K[LY] + i % g.sx // g.sy, K[LZ] + i % g.sy])
 
 
 @cache
-def node_function(total: bool, grips: str, atomic: bool, real: Any) -> Any:
-    """The function `node`: momentum in `copies` becomes velocity in `grid`, and `copies` is emptied."""
+def node_function(total: bool, grips: str, real: Any) -> Any:
+    """The function `node`: momentum in the copies becomes velocity, and the copies are emptied."""
 
     @ti.func
-    def node(q, row, middle, sx, sy, K: ti.template(), nodes: ti.template(), owner: ti.template(),
-             source: ti.template(), grid: ti.template(), copies: ti.template(), books: ti.template()):  # fmt: skip
-        i = nodes[q]
+    def node(q, middle, K: ti.template(), n: ti.template(), g: ti.template(), ledger: ti.template()):
+        i = n.index[q]
         sum4 = ti.Vector.zero(real, 4)
-        for c in range(source.shape[1]):
-            s = source[q, c]
+        for c in range(n.source.shape[1]):
+            s = n.source[q, c]
             if s >= 0:
-                sum4 += copies[s]
-                copies[s] = ti.Vector.zero(real, 4)
+                sum4 += g.copies[s]
+                g.copies[s] = ti.Vector.zero(real, 4)
         mass = sum4[3]
         v = ti.Vector.zero(real, 3)
         if mass > 1e-12 * K[DENSITY] * K[H] ** 3:  # lighter nodes carry nothing but round-off
             v = ti.Vector([sum4[0], sum4[1], sum4[2]]) / mass
-            g = ti.Vector([K[GX], K[GY], K[GZ]])
-            if g.norm_sqr() > 0:
-                tally(books, row, GRAVITY_WORK, mass * K[DT] * g.dot(v + (K[DT] / 2) * g), atomic)
-                v += K[DT] * g
+            a = ti.Vector([K[GX], K[GY], K[GZ]])
+            if a.norm_sqr() > 0:
+                tally(ledger, GRAVITY_WORK, mass * K[DT] * a.dot(v + (K[DT] / 2) * a))
+                v += K[DT] * a
             if K[KEEP] < 1:
-                tally(books, row, DECAYED, mass * v.dot(v) / 2 * (1 - K[KEEP] ** 2), atomic)
+                tally(ledger, DECAYED, mass * v.dot(v) / 2 * (1 - K[KEEP] ** 2))
                 v *= K[KEEP]
             if ti.static(grips != "soft"):  # at rest it is known who holds a node; later the grips have moved on
-                grip = owner[q] if ti.static(total) else grip_of_node(place(i, sx, sy, K), middle, K)
+                grip = n.owner[q] if ti.static(total) else grip_of_node(place(i, g, K), middle, K)
                 if grip != 0:
-                    v = hold(books, row, grip, mass, v, K, grips, atomic)
+                    v = hold(ledger, grip, mass, v, K, grips)
             if ti.static(not total):
-                x = place(i, sx, sy, K)
+                x = place(i, g, K)
                 if K[WALL] > 0 and ti.max(ti.abs(x[0]), ti.abs(x[1]), ti.abs(x[2])) > K[WALL]:
                     v = ti.Vector.zero(real, 3)
-        grid[i] = ti.Vector([v[0], v[1], v[2], mass])
+        g.velocity[i] = ti.Vector([v[0], v[1], v[2], mass])
 
     return node

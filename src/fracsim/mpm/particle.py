@@ -1,7 +1,7 @@
 """What one particle does in a substep: gather, move, suffer damage, scatter."""
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import taichi as ti
 
@@ -39,95 +39,114 @@ from fracsim.mpm.transfer import gather, scatter
 from fracsim.registry import load
 
 
+class Points(NamedTuple):
+    """The arrays of N particles."""
+
+    X: Any
+    """Rest positions relative to the object's centre [m], (N,) vec3."""
+    U: Any
+    """Displacements [m], (N,) vec3."""
+    V: Any
+    """Velocities [m/s], (N,) vec3; up to date between calls, not between substeps."""
+    C: Any
+    """Affine velocities [1/s], (N,) mat3; as V."""
+    F: Any
+    """Deformation gradients, (N,) mat3."""
+    D: Any
+    """Damage, (N,)."""
+    volume: Any
+    """Volumes at rest [m^3], (N,)."""
+    tag: Any
+    """Grip and exemption from damage, (N,) int."""
+    anchor: Any
+    """Displacements when the grid was laid [m], (N,) vec3."""
+
+
 @cache
-def particle_function(law_name: str, damage_name: str, total: bool, grips: str, atomic: bool, real: Any) -> Any:
+def particle_function(law_name: str, damage_name: str, total: bool, viscous: bool, grips: str, real: Any) -> Any:
     """The function `particle` for one law, one damage law, one formulation and one floating-point type."""
     law = load("fracsim.constitutive", law_name, "material.law")
     damage = load("fracsim.damage", damage_name, "fracture.law")
 
     @ti.func
-    def locate(p, K: ti.template(), X: ti.template(), U: ti.template()):
-        y = X[p] if ti.static(total) else X[p] + U[p]
+    def locate(p, K: ti.template(), b: ti.template()):
+        y = b.X[p] if ti.static(total) else b.X[p] + b.U[p]
         return stencil(y * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
 
     @ti.func
-    def suffer(p, row, F_new, K: ti.template(), D: ti.template(), volume: ti.template(), books: ti.template()):
+    def suffer(p, F, K: ti.template(), b: ti.template(), ledger: ti.template()):
         """Damage never heals (Eq. 4); the energy it frees is booked."""
-        raw = damage.raw(F_new, K[ONSET], K[CRIT])
-        if raw > D[p]:
-            energy = volume[p] * law.psi(F_new, K[MU], K[LAM])
-            tally(books, row, DAMAGED, (raw - D[p]) * energy, atomic)
-            D[p] = raw
+        raw = damage.raw(F, K[ONSET], K[CRIT])
+        if raw > b.D[p]:
+            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * law.psi(F, K[MU], K[LAM]))
+            b.D[p] = raw
 
     @ti.func
-    def move(p, row, step, at, f, sx, sy, K: ti.template(), U: ti.template(), F: ti.template(), D: ti.template(),
-             volume: ti.template(), tag: ti.template(), grid: ti.template(), books: ti.template(),
-             faults: ti.template()):  # fmt: skip
-        """Gather, advance u, F and d; returns v, the affine velocity C and F."""
-        v, moments = gather(grid, at, f, sx, sy, real)
+    def move(p, step, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
+        """Gather, advance u, F and d; returns v and the affine velocity C."""
+        v, moments = gather(g, ledger.row, at, f, real)
         C = (4 * K[RH]) * moments
-        grip = tag[p] % EXEMPT - FREE
+        grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips != "soft"):
             if grip != 0:
-                v = hold(books, row, grip, K[DENSITY] * volume[p], v, K, grips, atomic)
-        U[p] = U[p] + K[DT] * v
-        F_new = F[p] + K[DT] * (C if ti.static(total) else C @ F[p])
+                v = hold(ledger, grip, K[DENSITY] * b.volume[p], v, K, grips)
+        b.U[p] = b.U[p] + K[DT] * v
+        F = b.F[p] + K[DT] * (C if ti.static(total) else C @ b.F[p])
         if ti.static(not total):
-            if D[p] >= 1:  # what has failed keeps its stretch and only turns
-                F_new = F[p] + (K[DT] / 2) * ((C - C.transpose()) @ F[p])
-        F[p] = F_new
-        if tag[p] < EXEMPT and D[p] < 1:
-            suffer(p, row, F_new, K, D, volume, books)
+            if b.D[p] >= 1:  # what has failed keeps its stretch and only turns
+                F = b.F[p] + (K[DT] / 2) * ((C - C.transpose()) @ b.F[p])
+        b.F[p] = F
+        if b.tag[p] < EXEMPT and b.D[p] < 1:
+            suffer(p, F, K, b, ledger)
         if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
-            report_fault(faults, row, SPEED_FAULT, p, step)
-        return v, C, F_new
+            report_fault(ledger, SPEED_FAULT, p, step)
+        return v, C
 
     @ti.func
-    def push(p, row, at, f, sx, sy, v, C, F_p, K: ti.template(), D: ti.template(), volume: ti.template(),
-             tag: ti.template(), copies: ti.template(), books: ti.template()):  # fmt: skip
+    def push(p, at, f, v, C, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
         """Scatter momentum, its affine part and the impulse of the stress."""
-        mass, d = K[DENSITY] * volume[p], D[p]
-        cof = cofactor(F_p)
-        J = volume_ratio(F_p, cof)
+        F, d, mass = b.F[p], b.D[p], K[DENSITY] * b.volume[p]
+        cof = cofactor(F)
+        J = volume_ratio(F, cof)
         if J < J_MIN and d < 1:
-            tally(books, row, CLAMPED, mass / mass, atomic)
-        P, power = force(law, total, F_p, cof, ti.max(J, J_MIN), C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX])
-        if K[ETA] > 0:
-            tally(books, row, VISCOUS, volume[p] * K[DT] * power, atomic)
-        grip = tag[p] % EXEMPT - FREE
+            tally(ledger, CLAMPED, mass / mass)
+        J = ti.max(J, J_MIN)
+        P, power = force(law, total, viscous, F, cof, J, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX])
+        if ti.static(viscous):
+            tally(ledger, VISCOUS, b.volume[p] * K[DT] * power)
+        grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips == "soft"):
             if grip != 0:
-                v = hold(books, row, grip, mass, v, K, grips, atomic)
-        affine = (mass * K[H]) * C - (4 * K[DT] * K[RH] * volume[p]) * P
-        scatter(copies, at, f, sx, sy, mass * v, affine, mass, atomic)
+                v = hold(ledger, grip, mass, v, K, grips)
+        affine = (mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
+        scatter(g, at, f, mass * v, affine, mass)
 
     @ti.func
-    def particle(p, row, step, gathers, scatters, shift, sx, sy, K: ti.template(), X: ti.template(),
-                 U: ti.template(), V: ti.template(), C: ti.template(), F: ti.template(), D: ti.template(),
-                 volume: ti.template(), tag: ti.template(), anchor: ti.template(), grid: ti.template(),
-                 copies: ti.template(), books: ti.template(), faults: ti.template()):  # fmt: skip
-        if not ti.static(total) or D[p] < 1:
-            base, f = locate(p, K, X, U)
-            at = base[0] * sx + base[1] * sy + base[2]
-            v, C_p, F_p = V[p], C[p], F[p]
+    def particle(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
+                 ledger: ti.template()):  # fmt: skip
+        if not ti.static(total) or b.D[p] < 1:
+            base, f = locate(p, K, b)
+            at = base[0] * g.sx + base[1] * g.sy + base[2]
+            v, C = ti.Vector.zero(real, 3), ti.Matrix.zero(real, 3, 3)
             if gathers:
-                v, C_p, F_p = move(p, row, step, at, f, sx, sy, K, U, F, D, volume, tag, grid, books, faults)
+                v, C = move(p, step, at, f, K, b, g, ledger)
+            else:
+                v, C = b.V[p], b.C[p]
             stays = scatters
             if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
-                if D[p] >= 1:
+                if b.D[p] >= 1:
                     stays = False
-                    tally(books, row, RELEASED, K[DENSITY] * volume[p] * v.dot(v) / 2, atomic)
+                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * v.dot(v) / 2)
                 if stays:
-                    push(p, row, at + shift, f, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
+                    push(p, at + shift, f, v, C, K, b, g, ledger)
             else:  # weights from the new position, whose nodes must be in use
-                if not ti.abs(U[p] - anchor[p]).max() < K[ROOM]:
+                if not ti.abs(b.U[p] - b.anchor[p]).max() < K[ROOM]:
                     stays = False
-                    report_fault(faults, row, GRID_FAULT, p, step)
+                    report_fault(ledger, GRID_FAULT, p, step)
                 if stays:
-                    now, g = locate(p, K, X, U)
-                    to = now[0] * sx + now[1] * sy + now[2] + shift
-                    push(p, row, to, g, sx, sy, v, C_p, F_p, K, D, volume, tag, copies, books)
+                    now, there = locate(p, K, b)
+                    push(p, now[0] * g.sx + now[1] * g.sy + now[2] + shift, there, v, C, K, b, g, ledger)
             if not stays:
-                V[p], C[p] = v, C_p
+                b.V[p], b.C[p] = v, C
 
     return particle

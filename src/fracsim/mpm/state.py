@@ -13,6 +13,7 @@ from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, apart, layout
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import MAX_RPIC, damping
+from fracsim.mpm.transfer import PAD
 from fracsim.records import Array, Particles
 from fracsim.vocab import CENTRE, Scene
 
@@ -72,6 +73,8 @@ class State:
         load = self.scene.loading
         side = self.tag % slot.EXEMPT - slot.FREE
         self.V.from_numpy((side[:, None] * load.speed * np.asarray(load.axis)).astype(self.dtype))
+        self.pad = ti.Vector.ndarray(4, real, self.chunks * PAD)
+        self.pad.fill(0)
         self.books = ti.ndarray(self.wide, (self.chunks, slot.BOOKS))
         self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
         self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
@@ -140,11 +143,12 @@ class State:
         self.K[slot.ETA_MAX] = MAX_RPIC * self.scene.material.density * self.scene.solver.h**2 / (8 * dt)
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
-        kernel = substeps(s.material.law, s.fracture.law, self.total, s.loading.grips, self.drive, self.real, self.wide)
+        kernel = substeps(s.material.law, s.fracture.law, self.total, damp.viscosity > 0, s.loading.grips, self.drive,
+                          self.real, self.wide)  # fmt: skip
         arrays = (
-            *self.layout.strides, self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume,
-            self.label, self.anchor, self.velocity, self.copies, self.nodes, self.owner, self.source, self.shift,
-            self.start, self.books, self.faults,
+            self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume, self.label, self.anchor,
+            *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner, self.source,
+            self.shift, self.start, self.books, self.faults,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)

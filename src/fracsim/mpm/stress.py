@@ -2,24 +2,20 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import gram
-
 
 @ti.func
-def stiffening(K, J):
-    """1 / lambda_min^2, or a little more: how much stiffer compression makes a viscosity felt at rest.
+def stiffening(F, K, J):
+    """J^2 / lambda_min^2, or a little more: how much stiffer compression makes a viscosity felt at rest.
 
-    The largest eigenvalue of F^-1 F^-T is at most q + 2 p (closed form of a symmetric 3 x 3 matrix).
+    The eigenvalues of K K^T = J^2 F^-T F^-1 sum to |K|^2 and their products in pairs to J^2 |F|^2, so that none exceeds
+    q + 2 p with the usual mean q and deviation p of a symmetric 3 x 3 matrix.
     """
-    c00, c11, c22, c01, c02, c12 = gram(K)
-    q = (c00 + c11 + c22) / 3
-    a, b, c = c00 - q, c11 - q, c22 - q
-    p = ti.sqrt((a * a + b * b + c * c + 2 * (c01 * c01 + c02 * c02 + c12 * c12)) / 6)
-    return (q + 2 * p) / (J * J)
+    II = K.norm_sqr()
+    return (II + 2 * ti.sqrt(ti.max(II * II - 3 * (J * J) * F.norm_sqr(), 0))) / 3
 
 
 @ti.func
-def force(law: ti.template(), total: ti.template(), F, K, J, C, d, mu, lam, eta, eta_max):
+def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K, J, C, d, mu, lam, eta, eta_max):
     """The stress that `scatter` needs, and the viscous power a volume.
 
     (1 - d) tau is the degraded Kirchhoff stress (Eq. 5); the viscosity adds eta (L + L^T), which for the affine
@@ -28,16 +24,17 @@ def force(law: ti.template(), total: ti.template(), F, K, J, C, d, mu, lam, eta,
     present one the result is tau.
     """
     P = (1 - d) * law.piola(F, K, J, mu, lam)
+    if ti.static(not total):
+        P = P @ F.transpose()
     power = d * 0
-    if ti.static(total):
-        if eta > 0:
-            bearable = ti.min((1 - d) * eta, eta_max / stiffening(K, J))
-            L = C @ K.transpose() / J
-            twice_D = L + L.transpose()
-            power = bearable / 2 * twice_D.norm_sqr()
-            P += (bearable / J) * (twice_D @ K)
-    else:
+    if ti.static(viscous and total):
+        JL = C @ K.transpose()
+        twice_JD = JL + JL.transpose()
+        s = ti.min((1 - d) * eta / (J * J), eta_max / stiffening(F, K, J))
+        power = s / 2 * twice_JD.norm_sqr()
+        P += s * (twice_JD @ K)
+    elif ti.static(viscous):
         twice_D = C + C.transpose()
         power = eta / 2 * twice_D.norm_sqr()
-        P = P @ F.transpose() + eta * twice_D
+        P += eta * twice_D
     return P, power

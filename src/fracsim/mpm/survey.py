@@ -82,7 +82,7 @@ def _polar() -> Any:
     @ti.kernel
     def polar(F: Matrix, R: Matrix):
         for p in range(F.shape[0]):
-            R[p] = rotation(F[p], 5)
+            R[p] = rotation(F[p], cofactor(F[p]))
 
     return polar
 

@@ -1,0 +1,54 @@
+"""Transfers: every way through the solver gives the same motion, and the pad of a thread the same sums."""
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from fracsim import Material, Solver
+from fracsim.mpm.bspline import weights
+from fracsim.mpm.kernels import types
+from fracsim.mpm.transfer import PAD, Grid, sum_in_registers, sum_on_pad
+
+from . import bars
+
+SIDE = 4
+Vector4, Scalars = types(ti.f64)["vector4"], ti.types.ndarray(dtype=ti.f64, ndim=3)
+
+
+@ti.kernel
+def gather_both(sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: ti.f64, velocity: Vector4, pad: Vector4, out: Scalars):
+    wx, wy, wz = weights(ti.f64(0.6)), weights(ti.f64(1.1)), weights(ti.f64(1.4))
+    for _ in range(1):
+        a = sum_in_registers(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, blank, False)), 1, wx, wy, wz, ti.f64)
+        b = sum_on_pad(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, blank, False)), 0, 1, wx, wy, wz)
+        for i, j in ti.static(ti.ndrange(4, 3)):
+            out[0, i, j], out[1, i, j] = a[i, j], b[i, j]
+
+
+def test_pad_and_registers_give_the_same_sums() -> None:
+    velocity, pad = ti.Vector.ndarray(4, ti.f64, SIDE**3), ti.Vector.ndarray(4, ti.f64, PAD)
+    velocity.from_numpy(np.random.default_rng(0).normal(size=(SIDE**3, 4)))
+    pad.fill(7.0)  # whatever was there before
+    out = np.zeros((2, 4, 3))
+    gather_both(SIDE * SIDE, SIDE, 1, 0.0, velocity, pad, out)
+    assert np.abs(out[0]).min() > 1e-3
+    assert np.allclose(out[0], out[1], rtol=1e-13)
+
+
+@pytest.mark.parametrize("formulation", ["total", "updated"])
+@pytest.mark.parametrize("viscosity", [0.0, 40.0])
+def test_every_drive_gives_the_same_motion(formulation: str, viscosity: float) -> None:
+    """Serial, threads (here one more than the cores) and the launches of a GPU: sums in another order, no more."""
+    solver = Solver(formulation=formulation, cells=40, precision="float64")
+    scene = bars.scene(solver=solver, material=Material(viscosity=viscosity, decay=1.0))
+    body = bars.bar(solver, (0.6, 0.2, 0.1))
+    rng, moved = np.random.default_rng(1), {}
+    V = rng.normal(size=(len(body), 3))
+    for drive, chunks in (("serial", 1), ("threads", 3), ("gpu", 1)):
+        state = bars.driven(scene, body, drive, chunks)
+        state.V.from_numpy(V)
+        state.run(20, 2e-4, 0.0)
+        moved[drive] = np.concatenate([state.U.to_numpy().ravel(), state.F.to_numpy().ravel(), state.booked()])
+    assert np.abs(moved["serial"]).max() > 1e-3
+    for drive in ("threads", "gpu"):
+        assert np.allclose(moved[drive], moved["serial"], rtol=1e-9, atol=1e-12), drive
