@@ -74,7 +74,7 @@ class State:
         side = self.tag % slot.EXEMPT - slot.FREE
         self.V.from_numpy((side[:, None] * load.speed * np.asarray(load.axis)).astype(self.dtype))
         self.pad = ti.Vector.ndarray(4, real, self.chunks * PAD)
-        self.pad.fill(0)
+        self.pad.from_numpy(np.zeros((self.chunks * PAD, 4), self.dtype))
         self.books = ti.ndarray(self.wide, (self.chunks, slot.BOOKS))
         self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
         self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
