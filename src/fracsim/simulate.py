@@ -154,7 +154,7 @@ class Simulator:
         frame = Frame(k, t, x, v.astype(np.float32), F.astype(np.float32), tau.astype(np.float32), d.astype(np.float32))
         intact = stretch[~failed] if s.total else stretch
         largest = float(intact.max(initial=1.0))
-        self.report.frame(frame, Books.of(s.booked()), energy, largest, s.C.to_numpy(), verdict)
+        self.report.frame(frame, Books.of(s.booked()), energy, largest, s.kinetic(), verdict)
         return frame
 
     def _part(self) -> None:
@@ -167,12 +167,21 @@ class Simulator:
         size = np.bincount(label[label >= 0])
         crumb = (label >= 0) & (size[label] < self.scene.solver.particles_per_axis**3) & (self.side == 0)
         if crumb.any():
+            self._book_crumbs(crumb)
             d[crumb], label[crumb] = 1, -1
             self.state.D.from_numpy(d)
         intact = label >= 0
         if (label[intact] != self.fragment[intact]).any():
             self.state.split(label)
         self.fragment = label
+
+    def _book_crumbs(self, crumb: Array) -> None:
+        """Book the energy of particles that leave the grid because their fragment is too small for it."""
+        v, C = self.state.V.to_numpy()[crumb].astype(np.float64), self.state.C.to_numpy()[crumb].astype(np.float64)
+        speed2 = (v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
+        elastic = self.state.observe()[1][crumb]
+        mass, volume = self.report.mass[crumb], self.report.volume[crumb]
+        self.report.crumbled += float((mass * speed2 / 2 + volume * elastic).sum())
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted, and why; asked only until it has and once it can have."""

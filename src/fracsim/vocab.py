@@ -127,10 +127,13 @@ class Solver:
                             choices=("total", "updated"))  # fmt: skip
     cells: int = knob(150, "grid cells along the paper's 2 m domain; h = 2 / cells", least=8, most=2000)
     particles_per_axis: float = knob(2.0, "particles a cell and axis at rest", least=1.0, most=8.0)
-    dt: float | str = knob("auto", "substep: auto (stability bound), or a fixed value in s", least=0, most=1.0,
+    dt: float | int | str = knob("auto", "substep: auto (stability bound), or a fixed value in s", least=0, most=1.0,
                            open="least", choices=("auto",))  # fmt: skip
     dt_override: bool = knob(False, "allow a fixed dt beyond the stability bound at rest")
     safety: float = knob(0.8, "fraction of the stability bound that dt: auto takes", least=0.01, most=1.0)
+    projection: float | int | str = knob(
+        0.5, "how often velocities are projected on the particles while a wave crosses a cell (total); every: each "
+        "substep, as APIC does", least=0, most=1e3, choices=("every",))  # fmt: skip
     damping: str = knob("physical", "physical: viscosity and decay rate; per_substep: the paper's factors each "
                         "substep, whatever dt is; none", choices=("physical", "per_substep", "none"))  # fmt: skip
     precision: str = knob("float32", "floating-point type of the simulation", choices=("float32", "float64"))
@@ -139,6 +142,7 @@ class Solver:
 
     def __post_init__(self) -> None:
         check(self, "solver")
+        self.dt, self.projection = (v if isinstance(v, str) else float(v) for v in (self.dt, self.projection))
         if self.walls and self.formulation == "total":
             raise ValueError("solver.walls=true needs the present positions: set solver.formulation=updated.")
 

@@ -6,6 +6,7 @@ import pytest
 from fracsim import Backend, Capture, Fracture, Loading, Material, Solver
 from fracsim.mpm.state import State
 from fracsim.records import Array
+from fracsim.simulate import Simulator
 
 from .bars import angular_momentum, free, lattice, momentum, particles, scene
 
@@ -143,3 +144,44 @@ def test_two_threads_agree_with_one() -> None:
     assert (two == one_frame(2)).all()
     # 60 substeps of float32 sums of 8 particles: some 1e-7 of the displacement, 0.015 m, each.
     assert np.abs(two - one_frame(1)).max() < 1e-6
+
+
+def kept(dt: float, projection: float | str) -> float:
+    """Part of the kinetic energy of random velocities without elasticity to speak of that is left after 4 ms."""
+    solver = Solver(cells=50, precision="float64", projection=projection)
+    s = scene(material=Material(law="neo_hookean", E=1e2, nu=0.0, density=2e4), fracture=Fracture(onset=8, crit=9),
+              solver=solver, loading=Loading(offset=0.08, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
+    state = free(s, particles(lattice((0.2,) * 3, solver.spacing), solver.spacing))
+    state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)))
+    state.run(1, 1e-6, 0.0)  # from now on the nodes know the velocities
+    before = state.kinetic()
+    state.run(round(4e-3 / dt), dt, 0.0)
+    return state.kinetic() / before
+
+
+def test_damping_by_projection_does_not_depend_on_the_substep_unless_it_is_done_in_every_one() -> None:
+    projection = 0.5 * 2 / 50 / np.sqrt(1e2 / 2e4) / 4e-3  # half of a projection in the 4 ms
+    some = [kept(dt, projection) for dt in (4e-4, 2e-4, 1e-4)]
+    every = [kept(dt, "every") for dt in (4e-4, 2e-4, 1e-4)]
+    # (1 - a / n)^n differs from exp(-a) by a^2 / 2n: 1 % for a = 1/2 and ten substeps, twice that for the energy.
+    assert some[0] == pytest.approx(some[2], rel=0.025)
+    assert some[1] == pytest.approx(some[2], rel=0.0125)
+    assert 0.3 < some[0] < 0.9
+    assert every[2] < 0.7 * every[0]
+    assert kept(2e-4, 0.0) == pytest.approx(1, abs=2e-3)  # E is not quite nothing
+
+
+@pytest.mark.parametrize("projection", [0.0, 0.5])
+def test_energy_of_a_tearing_bar_is_accounted_for(projection: float) -> None:
+    """Work of the grips = kinetic + elastic + damage + viscosity + decay + released + projection, within 2 %."""
+    solver = Solver(cells=60, projection=projection)
+    s = scene(material=Material(law="fixed_corotated", E=6e3, nu=0.25, viscosity=10, decay=5), solver=solver,
+              fracture=Fracture(onset=1.5, crit=2.3), loading=Loading(offset=0.12, speed=0.5, thickness=0.06),
+              capture=Capture(frames=40))  # fmt: skip
+    simulator = Simulator(s, particles(lattice((0.4, 0.14, 0.14), solver.spacing), solver.spacing))
+    for _ in simulator.frames():
+        pass
+    assert simulator.report.break_frame is not None
+    energy = simulator.report.energy()
+    assert energy["damage"] > 0.1 * energy["grip_work"]
+    assert abs(energy["unaccounted"]) < 0.02 * energy["grip_work"]

@@ -23,7 +23,7 @@ def raw(name: str, F: Any, onset: float, crit: float) -> Any:
     @ti.kernel
     def evaluate(onset: ti.f64, crit: ti.f64, F: Matrices, out: Scalars):
         for p in range(F.shape[0]):
-            out[p] = law.raw(F[p], onset, crit)
+            out[p] = law.raw(F[p], F[p].determinant(), onset, crit)
 
     out = np.zeros(len(F))
     evaluate(onset, crit, np.ascontiguousarray(F, np.float64), out)

@@ -138,7 +138,7 @@ def test_thresholds_beyond_the_pull_leave_the_duck_whole(form: str) -> None:
     report = simulator.report.summary()
     if form == "total":
         assert not simulator.report.parted
-        assert report["failed"] < 1e-3
+        assert report["failed"] < 5e-3  # at the grips stretches reach 7 by then; the crack must not run
     else:
         assert report["torn_frame"] is not None
         assert report["break_frame"] is None

@@ -18,7 +18,9 @@ def decompose(F: Matrices, R: Matrices, l: Vectors, largest: Vectors):
     for p in range(F.shape[0]):
         R[p] = rotation(F[p], cofactor(F[p]))
         l[p] = principal_stretches(F[p])
-        largest[p] = ti.Vector([max_stretch(F[p], 0.9 * l[p][0]), max_stretch(F[p], l[p][0] + 0.1), l[p][0] * 0])
+        J = F[p].determinant()
+        near, far = max_stretch(F[p], J, 0.9 * l[p][0]), max_stretch(F[p], J, l[p][0] + 0.1)
+        largest[p] = ti.Vector([near, far, near * 0])
 
 
 def test_polar_rotation_and_principal_stretches() -> None:

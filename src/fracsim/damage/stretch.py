@@ -6,6 +6,6 @@ from fracsim.mpm.tensor import max_stretch
 
 
 @ti.func
-def raw(F, onset, crit):
-    d = (max_stretch(F, onset) - onset) / (crit - onset)
+def raw(F, J, onset, crit):
+    d = (max_stretch(F, J, onset) - onset) / (crit - onset)
     return ti.min(ti.max(d, d * 0), d * 0 + 1)

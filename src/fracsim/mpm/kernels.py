@@ -36,14 +36,15 @@ def types(real: Any) -> dict[str, Any]:
 
 
 @cache
-def substeps(law: str, damage: str, total: bool, viscous: bool, grips: str, drive: str, real: Any, wide: Any) -> Any:
+def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, grips: str, drive: str, real: Any,
+             wide: Any) -> Any:  # fmt: skip
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, parameters, particles (X, U, V, C, F, D, volume, tag, anchor), strides (sx, sy, sz) and
-    the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults. The other two run
-    one substep: its number and whether to gather and to scatter stand in the place of n.
+    Arguments of `serial`: n, parameters, particles (X, U, V, C, F, D, volume, tag, anchor, force), strides (sx, sy, sz)
+    and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults. The other two
+    run one substep: its number and whether to gather and to scatter stand in the place of n.
     """
-    particle = particle_function(law, damage, total, viscous, grips, real)
+    particle = particle_function(law, damage, total, viscous, forced, grips, real)
     node = node_function(total, grips, real)
     Scalar, Vector, Vector4, Matrix, Index, Table = types(real).values()
     Books = ti.types.ndarray(dtype=wide, ndim=2)
@@ -60,8 +61,8 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, grips: str, driv
 
     @ti.kernel
     def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar,
-               volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
-               velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
+               volume: Scalar, tag: Index, anchor: Vector, force: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32,
+               blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
                shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -70,50 +71,52 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, grips: str, driv
                 if faults[0, 0] == 0:
                     for p in range(X.shape[0]):
                         particle(p, step, step > 0, step < n, 0 + shift[0], K,
-                                 ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                                 ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                                  ti.static(Ledger(0, books, faults, False)))  # fmt: skip
                     if step < n:
                         for q in range(index.shape[0]):
-                            node(q, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                            node(q, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                                  ti.static(Ledger(0, books, faults, False)))  # fmt: skip
 
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-                C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32,
-                sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index,
-                source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+                C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
+                sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
+                index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
+                faults: Table):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0:
                 c, K = q // CHUNK, read(parameters)
                 for p in range(start[c], start[c + 1]):
                     particle(p, step, gathers == 1, scatters == 1, shift[c], K,
-                             ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                             ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
                              ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                              ti.static(Ledger(c, books, faults, False)))  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and scatters == 1:
                 c, chunks, K = q // CHUNK, shift.shape[0], read(parameters)
                 for i in range(c * index.shape[0] // chunks, (c + 1) * index.shape[0] // chunks):
-                    node(i, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                    node(i, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                          ti.static(Ledger(c, books, faults, False)))  # fmt: skip
 
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-            C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, sx: ti.i32, sy: ti.i32,
-            sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index,
-            source: Table, shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+            C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
+            sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
+            index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
+            faults: Table):  # fmt: skip
         for p in range(X.shape[0]):
             if faults[0, 0] == 0:
                 particle(p, step, gathers == 1, scatters == 1, shift[0], parameters,
-                         ti.static(Points(X, U, V, C, F, D, volume, tag, anchor)),
+                         ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
                          ti.static(Ledger(0, books, faults, True)))  # fmt: skip
         for i in range(index.shape[0]):
             if scatters == 1:
-                node(i, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),
+                node(i, step, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),
                      ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
                      ti.static(Ledger(0, books, faults, True)))  # fmt: skip
 

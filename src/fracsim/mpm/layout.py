@@ -82,11 +82,11 @@ def layout(y: Array, chunks: int, margin: int) -> Layout:
     return Layout(lowest, shape, start, nodes.astype(np.int32), source, shift, total)  # type: ignore[arg-type]
 
 
-def apart(x: Array, label: Array, h: float) -> tuple[Array, Array]:
+def apart(x: Array, label: Array, h: float) -> tuple[Array, Array, Array]:
     """Positions x [m] with the fragments, label >= 0, moved along x by whole cells until no two share a node.
 
-    Also returns by how many cells each plane of nodes of their layout has been moved, (planes,) int. Particles without
-    a fragment (label -1) stay with the first one.
+    Also returns by how many cells each fragment has been moved, (fragments,) int, and the fragment of each plane of
+    nodes of their layout, (planes,) int. Particles without a fragment (label -1) stay with the first one.
     """
     cell = np.floor(x[:, 0] / h - 0.5).astype(np.int64)
     owner, count = np.maximum(label, 0), int(label.max()) + 1
@@ -98,7 +98,7 @@ def apart(x: Array, label: Array, h: float) -> tuple[Array, Array]:
     moved = first - low
     out = x.copy()
     out[:, 0] += (moved[owner] * h).astype(x.dtype)
-    return out, np.repeat(moved, planes)
+    return out, moved, np.repeat(np.arange(count), planes)
 
 
 def _near(cell: Array, shape: tuple[int, ...], margin: int) -> Array:

@@ -8,9 +8,11 @@ import taichi as ti
 from fracsim.mpm.books import tally
 from fracsim.mpm.grips import grip_of_node, hold
 from fracsim.mpm.params import (
+    ALPHA,
     DECAYED,
     DENSITY,
     DT,
+    FRESH,
     GRAVITY_WORK,
     GX,
     GY,
@@ -19,9 +21,11 @@ from fracsim.mpm.params import (
     LX,
     LY,
     LZ,
+    PROJECTED,
     WALL,
     H,
 )  # fmt: skip
+from fracsim.mpm.transfer import projection_loss
 
 
 class Nodes(NamedTuple):
@@ -43,10 +47,14 @@ def place(i, g: ti.template(), K: ti.template()):
 
 @cache
 def node_function(total: bool, grips: str, real: Any) -> Any:
-    """The function `node`: momentum in the copies becomes velocity, and the copies are emptied."""
+    """The function `node`: momentum in the copies becomes velocity, and the copies are emptied.
+
+    In `total` nodes stay with their particles, so that a node keeps its velocity, of which a part only is replaced by
+    what particles carry (see `fracsim.mpm.timestep.projection`).
+    """
 
     @ti.func
-    def node(q, middle, K: ti.template(), n: ti.template(), g: ti.template(), ledger: ti.template()):
+    def node(q, step, middle, K: ti.template(), n: ti.template(), g: ti.template(), ledger: ti.template()):
         i = n.index[q]
         sum4 = ti.Vector.zero(real, 4)
         for c in range(n.source.shape[1]):
@@ -58,6 +66,10 @@ def node_function(total: bool, grips: str, real: Any) -> Any:
         v = ti.Vector.zero(real, 3)
         if mass > 1e-12 * K[DENSITY] * K[H] ** 3:  # lighter nodes carry nothing but round-off
             v = ti.Vector([sum4[0], sum4[1], sum4[2]]) / mass
+            if ti.static(total):
+                if step > 0 or K[FRESH] == 0:
+                    old = g.velocity[i]
+                    v += (1 - K[ALPHA]) * ti.Vector([old[0], old[1], old[2]])
             a = ti.Vector([K[GX], K[GY], K[GZ]])
             if a.norm_sqr() > 0:
                 tally(ledger, GRAVITY_WORK, mass * K[DT] * a.dot(v + (K[DT] / 2) * a))
@@ -73,6 +85,7 @@ def node_function(total: bool, grips: str, real: Any) -> Any:
                 x = place(i, g, K)
                 if K[WALL] > 0 and ti.max(ti.abs(x[0]), ti.abs(x[1]), ti.abs(x[2])) > K[WALL]:
                     v = ti.Vector.zero(real, 3)
+        tally(ledger, PROJECTED, projection_loss(K[ALPHA]) * mass * v.norm_sqr() / 2)
         g.velocity[i] = ti.Vector([v[0], v[1], v[2], mass])
 
     return node

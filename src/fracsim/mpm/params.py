@@ -5,14 +5,14 @@
 """Substep, time at its start, cell size, Lame parameters, density, thresholds, viscosity / 2, velocity kept."""
 (SPEED, UX, UY, UZ, REACH, HALF, GX, GY, GZ, MAX_SPEED) = range(10, 20)
 """Grip speed, tearing axis, distance of the grips' middle planes, half their thickness, gravity, speed limit."""
-(LX, LY, LZ, ROOM, WALL, RH, ETA_MAX) = range(20, 27)
+(LX, LY, LZ, ROOM, WALL, RH, ETA_MAX, ALPHA, FRESH) = range(20, 29)
 """Lowest node of the box, how far a particle may move on it, distance of walls from the centre (0: none), 1 / h,
-largest viscosity / 2."""
-PARAMETERS = 27
+largest viscosity / 2, projected part of the grid's velocity, and whether it is all of it in the first substep."""
+PARAMETERS = 29
 
 # Books: running sums in SI units, one row a thread.
-(PULL_LOW, PULL_HIGH, GRIP_WORK, DECAYED, VISCOUS, DAMAGED, RELEASED, CLAMPED, GRAVITY_WORK) = range(9)
-BOOKS = 9
+(PULL_LOW, PULL_HIGH, GRIP_WORK, DECAYED, PROJECTED, VISCOUS, DAMAGED, RELEASED, CLAMPED, GRAVITY_WORK) = range(10)
+BOOKS = 10
 
 # Peaks of a survey: maxima over particles, one row a thread.
 (STIFFNESS, FASTEST, RATE, MOVED) = range(4)

@@ -9,6 +9,7 @@ from fracsim.mpm.books import report_fault, tally
 from fracsim.mpm.bspline import stencil
 from fracsim.mpm.grips import hold
 from fracsim.mpm.params import (
+    ALPHA,
     CLAMPED,
     CRIT,
     DAMAGED,
@@ -18,6 +19,7 @@ from fracsim.mpm.params import (
     ETA_MAX,
     EXEMPT,
     FREE,
+    FRESH,
     GRID_FAULT,
     LAM,
     LX,
@@ -26,6 +28,7 @@ from fracsim.mpm.params import (
     MAX_SPEED,
     MU,
     ONSET,
+    PROJECTED,
     RELEASED,
     RH,
     ROOM,
@@ -35,7 +38,7 @@ from fracsim.mpm.params import (
 )  # fmt: skip
 from fracsim.mpm.stress import force
 from fracsim.mpm.tensor import J_MIN, cofactor, volume_ratio
-from fracsim.mpm.transfer import gather, scatter
+from fracsim.mpm.transfer import gather, kinetic, projection_loss, scatter
 from fracsim.registry import load
 
 
@@ -60,10 +63,14 @@ class Points(NamedTuple):
     """Grip and exemption from damage, (N,) int."""
     anchor: Any
     """Displacements when the grid was laid [m], (N,) vec3."""
+    force: Any
+    """Body forces a mass [m/s^2], (N,) vec3; of length 1 where there are none."""
 
 
 @cache
-def particle_function(law_name: str, damage_name: str, total: bool, viscous: bool, grips: str, real: Any) -> Any:
+def particle_function(
+    law_name: str, damage_name: str, total: bool, viscous: bool, forced: bool, grips: str, real: Any
+) -> Any:
     """The function `particle` for one law, one damage law, one formulation and one floating-point type."""
     law = load("fracsim.constitutive", law_name, "material.law")
     damage = load("fracsim.damage", damage_name, "fracture.law")
@@ -74,40 +81,45 @@ def particle_function(law_name: str, damage_name: str, total: bool, viscous: boo
         return stencil(y * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
 
     @ti.func
-    def suffer(p, F, K: ti.template(), b: ti.template(), ledger: ti.template()):
-        """Damage never heals (Eq. 4); the energy it frees is booked."""
-        raw = damage.raw(F, K[ONSET], K[CRIT])
+    def suffer(p, before, F, J, K: ti.template(), b: ti.template(), ledger: ti.template()):
+        """Damage never heals (Eq. 4); the energy it frees, that of the middle of the substep, is booked."""
+        raw = damage.raw(F, J, K[ONSET], K[CRIT])
         if raw > b.D[p]:
-            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * law.psi(F, K[MU], K[LAM]))
+            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * law.psi((before + F) / 2, K[MU], K[LAM]))
             b.D[p] = raw
 
     @ti.func
     def move(p, step, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """Gather, advance u, F and d; returns v and the affine velocity C."""
+        """Gather, advance u, F and d; returns v, the affine velocity C, F, cof F and J."""
         v, moments = gather(g, ledger.row, at, f, real)
         C = (4 * K[RH]) * moments
+        mass = K[DENSITY] * b.volume[p]
+        tally(ledger, PROJECTED, -projection_loss(K[ALPHA]) * mass * kinetic(v, C, K[H]))
         grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips != "soft"):
             if grip != 0:
-                v = hold(ledger, grip, K[DENSITY] * b.volume[p], v, K, grips)
+                v = hold(ledger, grip, K[ALPHA] * mass, v, K, grips)
         b.U[p] = b.U[p] + K[DT] * v
-        F = b.F[p] + K[DT] * (C if ti.static(total) else C @ b.F[p])
+        before = b.F[p]
+        F = before + K[DT] * (C if ti.static(total) else C @ before)
         if ti.static(not total):
             if b.D[p] >= 1:  # what has failed keeps its stretch and only turns
-                F = b.F[p] + (K[DT] / 2) * ((C - C.transpose()) @ b.F[p])
+                F = before + (K[DT] / 2) * ((C - C.transpose()) @ before)
         b.F[p] = F
-        if b.tag[p] < EXEMPT and b.D[p] < 1:
-            suffer(p, F, K, b, ledger)
-        if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
-            report_fault(ledger, SPEED_FAULT, p, step)
-        return v, C
-
-    @ti.func
-    def push(p, at, f, v, C, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """Scatter momentum, its affine part and the impulse of the stress."""
-        F, d, mass = b.F[p], b.D[p], K[DENSITY] * b.volume[p]
         cof = cofactor(F)
         J = volume_ratio(F, cof)
+        if b.tag[p] < EXEMPT and b.D[p] < 1:
+            suffer(p, before, F, J, K, b, ledger)
+        if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
+            report_fault(ledger, SPEED_FAULT, p, step)
+        return v, C, F, cof, J
+
+    @ti.func
+    def push(
+        p, at, f, v, C, F, cof, J, part, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()
+    ):
+        """Scatter a part of the momentum, also of its affine part, and the impulse of the stress."""
+        d, mass = b.D[p], K[DENSITY] * b.volume[p]
         if J < J_MIN and d < 1:
             tally(ledger, CLAMPED, mass / mass)
         J = ti.max(J, J_MIN)
@@ -117,9 +129,12 @@ def particle_function(law_name: str, damage_name: str, total: bool, viscous: boo
         grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips == "soft"):
             if grip != 0:
-                v = hold(ledger, grip, mass, v, K, grips)
-        affine = (mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
-        scatter(g, at, f, mass * v, affine, mass)
+                v = hold(ledger, grip, part * mass, v, K, grips)
+        affine = (part * mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
+        momentum = (part * mass) * v
+        if ti.static(forced):
+            momentum += (mass * K[DT]) * b.force[p]
+        scatter(g, at, f, momentum, affine, mass)
 
     @ti.func
     def particle(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
@@ -127,25 +142,28 @@ def particle_function(law_name: str, damage_name: str, total: bool, viscous: boo
         if not ti.static(total) or b.D[p] < 1:
             base, f = locate(p, K, b)
             at = base[0] * g.sx + base[1] * g.sy + base[2]
-            v, C = ti.Vector.zero(real, 3), ti.Matrix.zero(real, 3, 3)
+            v, C, F = b.V[p], b.C[p], b.F[p]
+            cof = cofactor(F)
+            J = volume_ratio(F, cof)
             if gathers:
-                v, C = move(p, step, at, f, K, b, g, ledger)
-            else:
-                v, C = b.V[p], b.C[p]
+                v, C, F, cof, J = move(p, step, at, f, K, b, g, ledger)
             stays = scatters
+            part = ti.max(K[ALPHA], K[FRESH]) if step == 0 else K[ALPHA]
             if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
                 if b.D[p] >= 1:
                     stays = False
-                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * v.dot(v) / 2)
+                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic(v, C, K[H]))
                 if stays:
-                    push(p, at + shift, f, v, C, K, b, g, ledger)
+                    push(p, at + shift, f, v, C, F, cof, J, part, K, b, g, ledger)
             else:  # weights from the new position, whose nodes must be in use
                 if not ti.abs(b.U[p] - b.anchor[p]).max() < K[ROOM]:
                     stays = False
                     report_fault(ledger, GRID_FAULT, p, step)
                 if stays:
                     now, there = locate(p, K, b)
-                    push(p, now[0] * g.sx + now[1] * g.sy + now[2] + shift, there, v, C, K, b, g, ledger)
+                    push(
+                        p, now[0] * g.sx + now[1] * g.sy + now[2] + shift, there, v, C, F, cof, J, part, K, b, g, ledger
+                    )
             if not stays:
                 b.V[p], b.C[p] = v, C
 

@@ -12,7 +12,7 @@ from fracsim.mpm.grips import half_reach, owners, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, apart, layout
 from fracsim.mpm.survey import observe, survey
-from fracsim.mpm.timestep import MAX_RPIC, damping
+from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
 from fracsim.mpm.transfer import PAD
 from fracsim.records import Array, Particles
 from fracsim.vocab import CENTRE, Scene
@@ -43,8 +43,11 @@ class Peaks:
 class State:
     """Particles (sorted by `Particles` order given) and grid of one simulation on the device."""
 
-    def __init__(self, scene: Scene, particles: Particles) -> None:
+    def __init__(self, scene: Scene, particles: Particles, forces: bool = False) -> None:
+        """`forces`: whether body forces act, which `self.force` holds [m/s^2]."""
+        self.forces, self.stiffness = forces, rest_stiffness(scene)
         self.scene, self.n = scene, len(particles)
+        self.fragment, self.moved = np.zeros(self.n, np.int64), np.zeros(1, np.int64)
         self.total = scene.solver.formulation == "total"
         self.real, self.dtype = reals(scene.solver.precision)
         self.tag = tags(scene, particles.X)
@@ -64,6 +67,7 @@ class State:
         self.D, self.volume = (ti.ndarray(real, n) for _ in range(2))
         self.label = ti.ndarray(ti.i32, n)
         self.anchor = ti.Vector.ndarray(3, real, n)
+        self.force = ti.Vector.ndarray(3, real, n if self.forces else 1)
         self.tau = ti.Matrix.ndarray(3, 3, real, n)
         self.scalars = ti.ndarray(real, (n, 2))
         self.X.from_numpy(self.X0)
@@ -105,14 +109,31 @@ class State:
         self.K[slot.LX : slot.LZ + 1] = self.layout.lowest
         self._place_grid(self.layout, self.layout.positions(aside) * self.scene.solver.h)
         self.anchor.copy_from(self.U)
+        self.fresh = True
 
     def split(self, label: Array) -> None:
         """Give each fragment nodes of its own (`total`): its particles, label >= 0, are moved aside in the rest
         configuration by whole cells, which changes no weight. Fragments then share no node and do not tie each other.
         """
-        x, aside = apart(self.X0, label, self.scene.solver.h)
+        x, moved, fragment = apart(self.X0, label, self.scene.solver.h)
+        of, first = np.unique(label, return_index=True)
+        parent = self.fragment[first[of >= 0]]
+        before, fresh = (self.layout, self.velocity.to_numpy(), self.moved[parent]), self.fresh
         self.X.from_numpy(x)
-        self.relayout(x, aside)
+        self.relayout(x, moved[fragment])
+        self._inherit(*before, moved, fragment)
+        self.fresh, self.fragment, self.moved = fresh, label, moved
+
+    def _inherit(self, old: Layout, velocity: Array, was: Array, moved: Array, fragment: Array) -> None:
+        """Give nodes the velocity that the node at their place had in the layout before the last one, in which each
+        fragment lay `was` cells aside instead of `moved`."""
+        index = np.stack(np.unravel_index(self.layout.nodes, self.layout.shape), axis=1)
+        of = fragment[index[:, 0]]
+        index += self.layout.lowest - old.lowest
+        index[:, 0] += was[of] - moved[of]
+        out = np.zeros((self.layout.size, 4), self.dtype)
+        out[self.layout.nodes] = velocity[np.ravel_multi_index(tuple(index.T), old.shape)]
+        self.velocity.from_numpy(out)
 
     def _place_grid(self, grid: Layout, x: Array) -> None:
         """Device arrays of a layout whose nodes are at x at rest, the momenta zero."""
@@ -133,22 +154,36 @@ class State:
         self.parameters.from_numpy(self.K.astype(self.dtype))
         look = survey(self.scene.material.law, self.total, self.real)
         look(self.parameters, self.U, self.V, self.C, self.F, self.D, self.anchor, self.start, self.peaks)
-        return Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
+        peaks = Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
+        self.stiffness = peaks.stiffness
+        return peaks
+
+    def kinetic(self) -> float:
+        """Kinetic energy of the nodes [J], or of the particles before nodes have moved for the first time."""
+        if not self.fresh:
+            v = self.velocity.to_numpy().astype(np.float64)
+            return float((v[:, 3] * (v[:, :3] ** 2).sum(axis=1)).sum() / 2)
+        mass = self.scene.material.density * self.volume.to_numpy().astype(np.float64)
+        v, C = (a.to_numpy().astype(np.float64) for a in (self.V, self.C))
+        speed2 = (v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
+        return float((mass * speed2).sum() / 2)
 
     def run(self, n: int, dt: float, t: float) -> None:
         """Advance by n substeps of length dt [s], from time t [s]."""
         damp = damping(self.scene, dt)
         self.K[slot.DT], self.K[slot.TIME] = dt, t
         self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
-        self.K[slot.ETA_MAX] = MAX_RPIC * self.scene.material.density * self.scene.solver.h**2 / (8 * dt)
+        self.K[slot.ETA_MAX] = bearable(self.scene, dt, self.stiffness) / 2
+        self.K[slot.ALPHA], self.K[slot.FRESH] = projection(self.scene, dt), float(self.fresh)
+        self.fresh = False
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
-        kernel = substeps(s.material.law, s.fracture.law, self.total, damp.viscosity > 0, s.loading.grips, self.drive,
-                          self.real, self.wide)  # fmt: skip
+        kernel = substeps(s.material.law, s.fracture.law, self.total, damp.viscosity > 0, self.forces, s.loading.grips,
+                          self.drive, self.real, self.wide)  # fmt: skip
         arrays = (
             self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume, self.label, self.anchor,
-            *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner, self.source,
-            self.shift, self.start, self.books, self.faults,
+            self.force, *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner,
+            self.source, self.shift, self.start, self.books, self.faults,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)

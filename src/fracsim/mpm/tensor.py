@@ -72,13 +72,12 @@ def gram(F):
 
 
 @ti.func
-def max_stretch(F, floor):
-    """The largest singular value of F where it can exceed `floor` > 0, otherwise 0.
+def max_stretch(F, J, floor):
+    """The largest singular value of F, with J = det F, where it can exceed `floor` > 0, otherwise 0.
 
     |F|^2 = l1^2 + l2^2 + l3^2 >= l1^2 + 2 J / l1, with equality under uniaxial tension, and this grows with l1 above
     J^(1/3): so most particles need neither F^T F nor trigonometry.
     """
-    J = F.determinant()
     out = floor * 0
     if (F.norm_sqr() - floor * floor) * floor > 2 * J or J > floor * floor * floor:
         out = principal_stretches(F)[0]

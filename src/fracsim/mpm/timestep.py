@@ -9,10 +9,6 @@ ROTATION = 0.5
 """A particle may turn or stretch by at most this much in a substep: dt |C| <= ROTATION."""
 COURANT = 0.3
 """In `updated` a particle may cross at most this part of a cell in a substep."""
-MAX_RPIC = 1.2
-"""In `total` compression 1 / lambda_min^2 makes the viscosity felt more; each particle's is held at what RPIC damping
-of this r would be, so that a few crushed particles at a crack do not shorten everybody's substep. `limit` keeps r of
-the undeformed material at 1 at most."""
 GROWTH = 1.05
 """A substep may be longer than the last one by at most this factor."""
 
@@ -55,16 +51,43 @@ def stable(scene: Scene, stiffness: float) -> float:
     return (math.sqrt(b * b + 4 * k) - b) / k
 
 
+def rest_stiffness(scene: Scene) -> float:
+    """Largest eigenvalue of dP/dF of the undeformed material [Pa]."""
+    return 3 * scene.material.lam + 2 * scene.material.mu
+
+
 def stable_at_rest(scene: Scene) -> float:
     """Largest stable substep of the undeformed material [s]."""
-    return stable(scene, 3 * scene.material.lam + 2 * scene.material.mu)
+    return stable(scene, rest_stiffness(scene))
+
+
+def bearable(scene: Scene, dt: float, stiffness: float) -> float:
+    """The largest viscosity 2 eta [Pa s] that a particle can bear in a substep dt beside `stiffness` [Pa] (`total`).
+
+    It is where r / 2 + k dt^2 / 4 = 1 in `stable`. Compression by lambda makes a viscosity felt 1 / lambda^2 times as
+    much; that of a crushed particle is held at this value, so that a few at a crack do not shorten everybody's substep.
+    """
+    inertia = scene.material.density * scene.solver.h**2
+    most = 2 * (1 - stiffness / inertia * dt**2) * inertia / (4 * dt)
+    return max(most, damping(scene, dt).viscosity)
+
+
+def projection(scene: Scene, dt: float) -> float:
+    """Part of the nodes' velocity that a substep replaces by its projection on the particles (APIC), 0 to 1.
+
+    The projection damps waves of a few cells: (k h)^4 / 40 of the amplitude each time. `solver.projection` counts how
+    often it happens while a P wave crosses a cell, so that damping depends neither on dt nor, measured in cells, on h.
+    """
+    if scene.solver.formulation == "updated" or scene.solver.projection == "every":
+        return 1.0
+    m = scene.material
+    crossing = scene.solver.h * math.sqrt(m.density / (m.lam + 2 * m.mu))
+    return min(1.0, float(scene.solver.projection) * dt / crossing)
 
 
 def limit(scene: Scene, stiffness: float, fastest: float, rate: float) -> float:
     """The substep that `dt: auto` takes at the present state [s]."""
     dt = scene.solver.safety * stable(scene, stiffness)
-    if scene.solver.damping == "physical" and scene.material.viscosity > 0:
-        dt = min(dt, scene.material.density * scene.solver.h**2 / (4 * scene.material.viscosity))
     if rate > 0:
         dt = min(dt, ROTATION / rate)
     if fastest > 0 and scene.solver.formulation == "updated":

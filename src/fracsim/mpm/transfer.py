@@ -94,6 +94,24 @@ def put(g: ti.template(), place, value):
 
 
 @ti.func
+def projection_loss(part):
+    """What a substep loses by projecting this part of the nodes' velocities v on particles, over (nodes' - particles'
+    kinetic energy).
+
+    With the projection P v, (v, P v) is twice the particles' kinetic energy; v - part (v - P v) has lost
+    part (v, v - P v) less part^2 / 2 |v - P v|^2, which lies between 0, for long waves, and (v, v - P v), for short
+    ones: half of that is taken.
+    """
+    return part * (2 - part / 2)
+
+
+@ti.func
+def kinetic(v, C, h):
+    """Kinetic energy a mass of a particle and its affine motion [m^2/s^2]; sum w (x_i - x_p)^2 = h^2 / 4."""
+    return (v.norm_sqr() + h * h / 4 * C.norm_sqr()) / 2
+
+
+@ti.func
 def scatter(g: ti.template(), at, f, momentum, affine, mass):
     """Add w (momentum + affine (x_i - x_p), mass) to the 27 nodes; `affine` is in units of the cell."""
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
