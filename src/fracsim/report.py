@@ -87,6 +87,7 @@ class Report:
         self.break_frame: int | None = None
         self.torn_frame: int | None = None
         self.stretch_max = 1.0
+        self.expected = math.nan
 
     @property
     def parted(self) -> bool:
@@ -143,6 +144,8 @@ class Report:
         return {
             "break_frame": self.break_frame,
             "torn_frame": self.torn_frame,
+            "uniform_bar_breaks_at": self.expected,
+            "lambda_crit": self.scene.fracture.crit,
             "particles": len(self.mass),
             "stretch_max": self.stretch_max,
             "damaged": h.damaged[-1],

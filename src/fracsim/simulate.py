@@ -14,6 +14,7 @@ from fracsim.mpm.timestep import GROWTH, limit, require_stable
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
+from fracsim.uniaxial import bar, regularised
 from fracsim.vocab import CENTRE, Scene
 
 ROUND = 16
@@ -46,10 +47,12 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene, particles: Particles, progress: Progress | None = None) -> None:
+        scene = regularised(scene)
         self.scene, self.particles = scene, sort(scene, particles)
         warning = require_stable(scene)
         self.state = State(scene, self.particles)
         self.report = Report(scene, self.particles, self.state.tag, [warning] if warning else [])
+        self.report.expected = bar(scene).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
         self.side = self.state.tag % slot.EXEMPT - slot.FREE
         self.ride = Ride(self.particles.X, scene.solver.h)

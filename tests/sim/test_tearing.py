@@ -8,6 +8,7 @@ import pytest
 from fracsim import Asset, Capture, Fracture, Loading, Material, Solver
 from fracsim.asset.build import build
 from fracsim.cohesion import Cohesion
+from fracsim.mpm.state import State
 from fracsim.records import Particles
 from fracsim.ride import Ride
 from fracsim.simulate import Simulator
@@ -180,3 +181,33 @@ def test_particles_record_checks_its_shapes() -> None:
     body = bar(Solver(cells=20))
     with pytest.raises(AssertionError, match=r"Particles\.volume has shape"):
         Particles(**{**vars(body), "volume": body.volume[1:]})
+
+
+def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
+    """A node that two fragments shared moves on with both: momentum and kinetic energy are kept to round-off."""
+    solver = Solver(cells=CELLS, precision="float64", projection=0.0)
+    s = scene(
+        material=Material(law="neo_hookean", E=1e2, nu=0.0, density=2e4),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(offset=0.15, thickness=0.05),
+        solver=solver,
+        capture=Capture(frames=1),
+    )
+    state = free(s, bar(s.solver))
+    state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)) + [0.3, 0.2, 0.1])
+    state.run(20, 1e-5, 0.0)
+
+    def total(state: State) -> np.ndarray:
+        v = state.velocity.to_numpy()
+        return np.append(v[:, 3] @ v[:, :3], state.kinetic())
+
+    before = total(state)
+    state.split((state.X0[:, 0] > H / 3).astype(int))
+    state.run(1, 1e-9, 0.0)
+    assert np.allclose(total(state), before, rtol=1e-6)
+    # ... and once more, when the fragments lie aside already and one of them has lost some particles.
+    label = (state.X0[:, 0] > H / 3).astype(int) + (state.X0[:, 0] > 0.2)
+    label[np.abs(state.X0[:, 0] - 0.2) < 1e-3] = -1
+    state.split(label)
+    state.run(1, 1e-9, 0.0)
+    assert np.allclose(total(state), before, rtol=1e-6)

@@ -131,8 +131,9 @@ class State:
         of = fragment[index[:, 0]]
         index += self.layout.lowest - old.lowest
         index[:, 0] += was[of] - moved[of]
+        known = ((index >= 0) & (index < old.shape)).all(axis=1)  # others are near failed particles only
         out = np.zeros((self.layout.size, 4), self.dtype)
-        out[self.layout.nodes] = velocity[np.ravel_multi_index(tuple(index.T), old.shape)]
+        out[self.layout.nodes[known]] = velocity[np.ravel_multi_index(tuple(index[known].T), old.shape)]
         self.velocity.from_numpy(out)
 
     def _place_grid(self, grid: Layout, x: Array) -> None:

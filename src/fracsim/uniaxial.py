@@ -1,0 +1,119 @@
+"""A uniform bar with free sides, pulled slowly: the closed form behind thresholds, and what a scene is compared with."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from fracsim.mpm.kernels import types
+from fracsim.mpm.tensor import cofactor, volume_ratio
+from fracsim.records import Array
+from fracsim.registry import load
+from fracsim.vocab import Scene
+
+POINTS = 1000
+"""Stretches at which a bar is looked at, from 1 to lambda_crit."""
+MOST = 10.0
+"""The largest lambda_crit of a scene."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Nominal stress against stretch."""
+
+    stretch: Array
+    """lambda, (M,)."""
+    intact: Array
+    """Nominal stress P without damage [Pa], (M,)."""
+    damage: Array
+    """d, (M,)."""
+
+    @property
+    def stress(self) -> Array:
+        """Nominal stress (1 - d) P [Pa], (M,)."""
+        out: Array = (1 - self.damage) * self.intact
+        return out
+
+    @property
+    def breaks_at(self) -> float:
+        """Stretch where the load peaks: a longer bar than a few cells parts there, not at lambda_crit."""
+        return float(self.stretch[self.stress.argmax()])
+
+    @property
+    def work(self) -> float:
+        """Work to break a unit of volume [J/m^3]."""
+        return float(np.trapezoid(self.stress, self.stretch))
+
+
+@cache
+def _stretcher(law_name: str, damage_name: str) -> Any:
+    """The kernel that finds P and d at given stretches, the sides at P22 = 0 by bisection."""
+    law = load("fracsim.constitutive", law_name, "material.law")
+    damage_law = load("fracsim.damage", damage_name, "fracture.law")
+    Scalar = types(ti.f64)["scalar"]
+
+    @ti.func
+    def pulled(l, s, mu, lam):
+        F = ti.Matrix([[l, l * 0, l * 0], [l * 0, s, l * 0], [l * 0, l * 0, s]])
+        K = cofactor(F)
+        return F, law.piola(F, K, volume_ratio(F, K), mu, lam)
+
+    @ti.kernel
+    def pull(mu: ti.f64, lam: ti.f64, onset: ti.f64, crit: ti.f64, stretch: Scalar, P: Scalar, d: Scalar):
+        for q in range(stretch.shape[0]):
+            l = stretch[q]
+            narrow, wide = l * 0 + 0.05, l * 0 + 1.5
+            for _ in range(50):
+                s = (narrow + wide) / 2
+                _F, stress = pulled(l, s, mu, lam)
+                if stress[1, 1] > 0:
+                    wide = s
+                else:
+                    narrow = s
+            F, stress = pulled(l, narrow, mu, lam)
+            P[q] = stress[0, 0]
+            d[q] = damage_law.raw(F, l * narrow * narrow, onset, crit)
+
+    return pull
+
+
+def bar(scene: Scene, crit: float | None = None) -> Bar:
+    """The bar of a scene's material, with another lambda_crit if given."""
+    m, f = scene.material, scene.fracture
+    crit = f.crit if crit is None else crit
+    stretch = np.linspace(1, crit, POINTS)
+    P, d = np.zeros(POINTS), np.zeros(POINTS)
+    _stretcher(m.law, f.law)(m.mu, m.lam, f.onset, crit, stretch, P, d)
+    return Bar(stretch, P, d)
+
+
+def regularised(scene: Scene) -> Scene:
+    """The scene with the lambda_crit that its cells need; itself when `fracture.length` is 0.
+
+    Strain localises into a band about as wide as a cell, so the work to part a unit of section is h times the work to
+    break a unit of volume: lambda_crit is chosen such that it is `fracture.length` times that of the given thresholds
+    (the crack band of Bazant and Oh 1983). Raises ValueError when the cells are too large for that.
+    """
+    f, h = scene.fracture, scene.solver.h
+    if not f.length:
+        return scene
+    wanted = bar(scene).work * f.length / h
+    low, high = f.onset * (1 + 1e-6), MOST
+    if bar(scene, high).work < wanted:
+        raise ValueError(
+            f"fracture.length={f.length:g} m with cells of {h:.3g} m asks for a lambda_crit above {MOST:g}: use fewer "
+            "solver.cells or a smaller fracture.length."
+        )
+    if bar(scene, low).work > wanted:
+        largest = f.length * bar(scene).work / bar(scene, low).work
+        raise ValueError(
+            f"fracture.length={f.length:g} m cannot be kept by cells of {h:.3g} m: they take more work to reach "
+            f"fracture.onset={f.onset:g} than it leaves. Use cells of at most {largest:.3g} m (solver.cells) or a "
+            "larger fracture.length."
+        )
+    for _ in range(30):
+        crit = (low + high) / 2
+        low, high = (crit, high) if bar(scene, crit).work < wanted else (low, crit)
+    return replace(scene, fracture=replace(f, crit=high, length=0.0))

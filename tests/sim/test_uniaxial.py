@@ -1,0 +1,49 @@
+"""The closed form of a uniform bar, and thresholds that belong to a cell size."""
+
+import numpy as np
+import pytest
+
+from fracsim import Fracture, Material, Scene, Solver
+from fracsim.uniaxial import bar, regularised
+
+from .test_tearing import SOFTENING
+
+
+def scene(law: str, E: float, nu: float, onset: float, crit: float, **extra: float) -> Scene:
+    return Scene(material=Material(law=law, E=E, nu=nu), fracture=Fracture(onset=onset, crit=crit, **extra),
+                 solver=Solver(cells=100))  # fmt: skip
+
+
+@pytest.mark.parametrize(("law", "E", "nu", "onset", "crit", "speed", "stretch", "peak"), SOFTENING)
+def test_break_stretch_and_peak_of_the_softening_bar(
+    law: str, E: float, nu: float, onset: float, crit: float, speed: float, stretch: float, peak: float
+) -> None:
+    b = bar(scene(law, E, nu, onset, crit))
+    assert b.breaks_at == pytest.approx(stretch, abs=(crit - 1) / 1000)
+    assert b.stress.max() / E == pytest.approx(peak, rel=1e-3)
+
+
+def test_work_to_break_is_the_area_under_the_curve() -> None:
+    """g / E of the table of softening bars, from an integration by hand."""
+    assert bar(scene("fixed_corotated", 2e3, 0.3, 1.5, 2.3)).work / 2e3 == pytest.approx(0.37612, rel=1e-4)
+    assert bar(scene("neo_hookean", 2e4, 0.45, 2.6, 3.0)).work / 2e4 == pytest.approx(0.95255, rel=1e-4)
+
+
+def test_thresholds_keep_the_work_to_part_a_section() -> None:
+    """h g(onset, crit_h) = length g(onset, crit), whatever h is; at h = length nothing changes."""
+    given = scene("fixed_corotated", 2e3, 0.3, 1.5, 2.3, length=0.02)
+    assert regularised(given).fracture.crit == pytest.approx(2.3, abs=1e-5)
+    work = []
+    for cells in (75, 100, 200):
+        given.solver = Solver(cells=cells)
+        work.append(given.solver.h * bar(regularised(given)).work)
+    assert np.ptp(work) < 1e-4 * work[0]
+
+
+def test_cells_too_large_or_too_small_for_the_length_are_refused() -> None:
+    coarse = scene("fixed_corotated", 2e3, 0.3, 1.5, 2.3, length=0.005)
+    with pytest.raises(ValueError, match=r"fracture\.length=0\.005 m cannot be kept by cells of 0\.02 m"):
+        regularised(coarse)
+    fine = scene("fixed_corotated", 2e3, 0.3, 1.5, 2.3, length=0.9)
+    with pytest.raises(ValueError, match=r"asks for a lambda_crit above 10"):
+        regularised(fine)
