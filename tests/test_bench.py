@@ -118,7 +118,7 @@ def stored(folder):
 
 
 def test_it_runs_and_stores(tmp_path):
-    assert main(["--quick", "--only", "splatting", "--out", str(tmp_path)]) == 0
+    assert main(["--quick", "splatting", "--out", str(tmp_path)]) == 0
     rows = stored(tmp_path)
     assert len(rows) == 4
     assert all(float(row["value"]) > 0 and row["target"] == "" for row in rows)

@@ -1,4 +1,4 @@
-"""A uniform bar with free sides, pulled slowly: the closed form behind thresholds, and what a scene is compared with."""
+"""A uniform bar with free sides, pulled slowly: the closed form that the break of a scene is compared with."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,6 +15,9 @@ from fracsim.vocab import Scene
 
 POINTS = 1000
 """Stretches at which a bar is looked at, from 1 to lambda_crit."""
+BESIDE = 2.3
+"""Cells beside a crack that were damaged up to the peak of the load before strain localised (measured, see
+`python -m fracsim.bench mesh`)."""
 MOST = 10.0
 """The largest lambda_crit of a scene."""
 
@@ -45,6 +48,13 @@ class Bar:
     def work(self) -> float:
         """Work to break a unit of volume [J/m^3]."""
         return float(np.trapezoid(self.stress, self.stretch))
+
+    @property
+    def parting(self) -> float:
+        """Work to part a section one cell thick [J/m^3]: that of the band and that of the damage beside it."""
+        energy = np.concatenate([[0.0], np.cumsum((self.intact[1:] + self.intact[:-1]) / 2 * np.diff(self.stretch))])
+        peak = int(self.stress.argmax()) + 1
+        return self.work + BESIDE * float(np.trapezoid(energy[:peak], self.damage[:peak]))
 
 
 @cache
@@ -92,22 +102,22 @@ def bar(scene: Scene, crit: float | None = None) -> Bar:
 def regularised(scene: Scene) -> Scene:
     """The scene with the lambda_crit that its cells need; itself when `fracture.length` is 0.
 
-    Strain localises into a band about as wide as a cell, so the work to part a unit of section is h times the work to
-    break a unit of volume: lambda_crit is chosen such that it is `fracture.length` times that of the given thresholds
-    (the crack band of Bazant and Oh 1983). Raises ValueError when the cells are too large for that.
+    Strain localises into a band about as wide as a cell, so the work to part a unit of section falls with h:
+    lambda_crit is chosen such that it stays what it is with cells of `fracture.length` (the crack band of Bazant and
+    Oh 1983). Raises ValueError when no lambda_crit does that.
     """
     f, h = scene.fracture, scene.solver.h
     if not f.length:
         return scene
-    wanted = bar(scene).work * f.length / h
+    wanted = bar(scene).parting * f.length / h
     low, high = f.onset * (1 + 1e-6), MOST
-    if bar(scene, high).work < wanted:
+    if bar(scene, high).parting < wanted:
         raise ValueError(
             f"fracture.length={f.length:g} m with cells of {h:.3g} m asks for a lambda_crit above {MOST:g}: use fewer "
             "solver.cells or a smaller fracture.length."
         )
-    if bar(scene, low).work > wanted:
-        largest = f.length * bar(scene).work / bar(scene, low).work
+    if bar(scene, low).parting > wanted:
+        largest = f.length * bar(scene).parting / bar(scene, low).parting
         raise ValueError(
             f"fracture.length={f.length:g} m cannot be kept by cells of {h:.3g} m: they take more work to reach "
             f"fracture.onset={f.onset:g} than it leaves. Use cells of at most {largest:.3g} m (solver.cells) or a "
@@ -115,5 +125,5 @@ def regularised(scene: Scene) -> Scene:
         )
     for _ in range(30):
         crit = (low + high) / 2
-        low, high = (crit, high) if bar(scene, crit).work < wanted else (low, crit)
+        low, high = (crit, high) if bar(scene, crit).parting < wanted else (low, crit)
     return replace(scene, fracture=replace(f, crit=high, length=0.0))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from fracsim.bench import memory, splatting, startup, substep
+from fracsim.bench import memory, pareto, splatting, startup, substep
 from fracsim.bench.plan import FULL, QUICK, Plan
 from fracsim.bench.record import Row, machine, table, write
 
@@ -17,6 +17,8 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
+STUDIES: dict[str, Callable[[Path, bool], Iterator[Row]]] = {"pareto": pareto.study}
+"""What takes minutes and is run only when it is named; each writes a picture too."""
 FOLDER = Path("docs/benchmarks")
 
 
@@ -24,7 +26,9 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     """What the user wants."""
     parser = argparse.ArgumentParser(prog="python -m fracsim.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes: does it run? (no targets)")
-    parser.add_argument("--only", metavar="NAME", nargs="+", choices=list(PARTS), help=", ".join(PARTS))
+    names = [*PARTS, *STUDIES]
+    told = f"what to measure: {', '.join(PARTS)} (all of them by default); {', '.join(STUDIES)} take minutes"
+    parser.add_argument("names", metavar="NAME", nargs="*", choices=[*names, []], help=told)
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for the CSV file ({FOLDER})")
     return parser.parse_args(words)
 
@@ -34,15 +38,16 @@ def main(words: Sequence[str] | None = None) -> int:
     wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 132)
     plan = QUICK if wanted.quick else FULL
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
-    rows: list[Row] = []
-    parts = wanted.only or list(PARTS)
-    for k, name in enumerate(parts, 1):
-        console.print(f"measuring {name} ({k} of {len(parts)}) ...")
-        rows += PARTS[name](plan)
-    if wanted.quick:
-        rows = [row.without_target() for row in rows]
-    console.print(table(rows))
-    console.print(f"stored in {write(rows, wanted.out, plan.name)}", soft_wrap=True)
+    names = wanted.names or list(PARTS)
+    rows: dict[str, list[Row]] = {}
+    for k, name in enumerate(names, 1):
+        console.print(f"measuring {name} ({k} of {len(names)}) ...")
+        file = plan.name if name in PARTS else f"{name}_{plan.name}"
+        found = PARTS[name](plan) if name in PARTS else STUDIES[name](wanted.out, wanted.quick)
+        rows.setdefault(file, []).extend(row.without_target() if wanted.quick else row for row in found)
+    for file, measured in rows.items():
+        console.print(table(measured))
+        console.print(f"stored in {write(measured, wanted.out, file)}", soft_wrap=True)
     return 0
 
 

@@ -86,7 +86,9 @@ def write(rows: Iterable[Row], folder: Path, size: str) -> Path:
     """Store the rows as `<hardware>_<date>.csv` (quick ones marked as such) and return where."""
     about = machine()
     hardware = re.sub(r"[^a-z0-9]+", "-", re.sub(r"\(.*?\)", "", about["cpu"]).lower()).strip("-")
-    name = f"{hardware}-x{about['cores']}_{about['date']}{'' if size == 'full' else '_' + size}.csv"
+    name = (
+        f"{hardware}-x{about['cores']}_{about['date']}{'' if size == 'full' else '_' + size.removesuffix('_full')}.csv"
+    )
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / name).open("w", newline="", encoding="utf-8") as file:
         columns = ("benchmark", "variant", "value", "best", "unit", "target", "met", "size")

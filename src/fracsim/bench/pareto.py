@@ -1,0 +1,126 @@
+"""Run time against error: each setting of the solver on scenes that tear, against the converged reference."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fracsim.bench import scenes
+from fracsim.bench.record import Row
+from fracsim.bench.scenes import SCENES, Outcome
+
+REFERENCE = "quality=reference"
+PRESETS = {"preview": ("quality=preview", "camera.width=128", "camera.height=128"), "default": (),
+           "paper": ("quality=paper",), "reference": (REFERENCE,)}  # fmt: skip
+KNOBS = {
+    "cells=75": ("solver.cells=75",),
+    "cells=100": ("solver.cells=100",),
+    "cells=120": ("solver.cells=120",),
+    "particles_per_axis=1.5": ("solver.particles_per_axis=1.5",),
+    "particles_per_axis=3": ("solver.particles_per_axis=3",),
+    "safety=0.95": ("solver.safety=0.95",),
+    "safety=0.6": ("solver.safety=0.6",),
+    "safety=0.4": ("solver.safety=0.4",),
+    "dt=1e-4": ("solver.dt=1e-4", "solver.dt_override=true"),
+    "projection=0": ("solver.projection=0",),
+    "projection=2": ("solver.projection=2",),
+    "projection=every": ("solver.projection=every",),
+    "precision=float64": ("solver.precision=float64",),
+    "formulation=updated": ("solver=updated",),
+    "updated, 4 particles": ("solver=updated", "solver.particles_per_axis=4"),
+}
+"""One knob of the default preset at a time."""
+GOOD = 0.01
+"""The error in break time and peak load that a cheaper setting may have."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting on a scene."""
+
+    scene: str
+    setting: str
+    outcome: Outcome
+    errors: dict[str, float]
+
+    @property
+    def error(self) -> float:
+        """The larger of the errors of break time and peak load; infinite when nothing broke."""
+        worst = max(self.errors["break_time"], self.errors["peak_load"])
+        return worst if np.isfinite(worst) else float("inf")
+
+
+def points(settings: dict[str, tuple[str, ...]], names: tuple[str, ...] = tuple(SCENES)) -> Iterator[Point]:
+    """Run every setting on every scene, the reference first."""
+    for name in names:
+        true = scenes.run(scenes.scene(name, REFERENCE))
+        for setting, overrides in settings.items():
+            made = true if overrides == (REFERENCE,) else scenes.run(scenes.scene(name, *overrides))
+            yield Point(name, setting, made, made.against(true))
+
+
+def front(found: list[Point]) -> list[Point]:
+    """Those that no other one beats in both time and error, fastest first."""
+    best, out = float("inf"), []
+    for p in sorted(found, key=lambda p: (p.outcome.seconds, p.error)):
+        if p.error < best:
+            best = p.error
+            out.append(p)
+    return out
+
+
+def rows(found: list[Point]) -> Iterator[Row]:
+    """The table: seconds, substeps and errors of each setting."""
+    for p in found:
+        yield Row(p.scene, f"{p.setting}: processor time", p.outcome.seconds, "s")
+        yield Row(p.scene, f"{p.setting}: substeps", p.outcome.substeps, "substeps")
+        for name, value in p.errors.items():
+            yield Row(p.scene, f"{p.setting}: error of {name}", value, "1")
+
+
+def tornado(found: list[Point]) -> list[tuple[str, str, float, float]]:
+    """(scene, knob, time over that of default, error) of each knob, most time saved first."""
+    out = []
+    for name in {p.scene: None for p in found}:
+        default = next(p for p in found if p.scene == name and p.setting == "default")
+        knobs = [p for p in found if p.scene == name and p.setting in KNOBS]
+        out += [(name, p.setting, p.outcome.seconds / default.outcome.seconds, p.error) for p in knobs]
+    return sorted(out, key=lambda row: row[2])
+
+
+def plot(found: list[Point], path: Path) -> None:
+    """Error against time, a panel a scene, with the front and the presets."""
+    names = list({p.scene: None for p in found})
+    figure = Figure(figsize=(6 * len(names), 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(names))), names, strict=True):
+        mine = [p for p in found if p.scene == name and np.isfinite(p.error)]
+        for p in mine:
+            preset = p.setting in PRESETS
+            at = (p.outcome.seconds, max(100 * p.error, 1e-2))
+            axes.plot(*at, "s" if preset else "o", color="#b5323c" if preset else "#31688e", zorder=3)
+            axes.annotate(p.setting, at, xytext=(4, 3), textcoords="offset points", fontsize=7)
+        line = front(mine)
+        axes.plot([p.outcome.seconds for p in line], [max(100 * p.error, 1e-2) for p in line], color="#707070")
+        axes.set(title=name, xscale="log", yscale="log", xlabel="processor time on one thread [s]",
+                 ylabel="error of break time or peak load [%]")  # fmt: skip
+        axes.grid(alpha=0.2)
+    figure.savefig(path, dpi=100, metadata={"Software": None})
+
+
+def study(out: Path, quick: bool) -> Iterator[Row]:
+    """Measure all of it, write pareto.png to `out` and print the tornado table."""
+    settings = {"default": (), "preview": PRESETS["preview"]} if quick else {**PRESETS, **KNOBS}
+    found: list[Point] = []
+    for p in points(settings, ("low stretch",) if quick else tuple(SCENES)):
+        print(f"  {p.scene}, {p.setting}: {p.outcome.seconds:.2f} s, error {100 * p.error:.2f} %", flush=True)
+        found.append(p)
+    out.mkdir(parents=True, exist_ok=True)
+    plot(found, out / "pareto.png")
+    print(f"one knob at a time: time over that of the default, and its error (good below {100 * GOOD:g} %)")
+    for name, setting, share, error in tornado(found):
+        print(f"  {share:5.2f}  {100 * error:6.2f} %  {'good' if error <= GOOD else '    '}  {name}: {setting}")
+    yield from rows(found)
