@@ -86,6 +86,7 @@ class Report:
         self.crumbled = 0.0
         self.break_frame: int | None = None
         self.torn_frame: int | None = None
+        self.settled_frame: int | None = None
         self.stretch_max = 1.0
         self.expected = math.nan
 
@@ -144,6 +145,7 @@ class Report:
         return {
             "break_frame": self.break_frame,
             "torn_frame": self.torn_frame,
+            "settled_frame": self.settled_frame,
             "uniform_bar_breaks_at": self.expected,
             "lambda_crit": self.scene.fracture.crit,
             "particles": len(self.mass),
@@ -169,6 +171,8 @@ class Report:
                 f"(largest stretch {self.stretch_max:.2f}, fracture.onset={s.fracture.onset:g}); "
                 "use solver.formulation=total or more solver.particles_per_axis"
             )
+        if self.settled_frame is not None:
+            found.append(f"settled at frame {self.settled_frame}: from then on pieces move rigidly with their grips")
         if self.clamped:
             found.append(f"J was clamped {self.clamped} times in the stress (J < 0.05)")
         return found

@@ -14,6 +14,7 @@ from fracsim.mpm.timestep import GROWTH, limit, require_stable
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
+from fracsim.settle import Rest
 from fracsim.uniaxial import bar, regularised
 from fracsim.vocab import CENTRE, Scene
 
@@ -57,13 +58,16 @@ class Simulator:
         self.side = self.state.tag % slot.EXEMPT - slot.FREE
         self.ride = Ride(self.particles.X, scene.solver.h)
         self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, self.side)
+        self.rest = Rest(scene, self.side)
         self.fragment = np.zeros(len(self.particles), np.int64)
         self.dt = math.inf
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
         for k in range(self.scene.capture.frames):
-            if k:
+            if k and self.rest.settled:
+                self._coast()
+            elif k:
                 self._advance(k)
             yield self._frame(k)
 
@@ -81,6 +85,11 @@ class Simulator:
             self.progress(self.report.substeps, dt, t)
             if not self.state.total:
                 self._follow()
+
+    def _coast(self) -> None:
+        """Let settled pieces move on for a frame."""
+        U = self.state.U.to_numpy()
+        self.state.U.from_numpy((U + self.rest.way(1 / self.scene.capture.fps)).astype(U.dtype))
 
     def _choose(self, peaks: Peaks, left: float) -> tuple[float, int]:
         """Length and number of the next substeps; all those left in the frame are equally long."""
@@ -157,6 +166,9 @@ class Simulator:
         frame = Frame(k, t, x, v.astype(np.float32), F.astype(np.float32), tau.astype(np.float32), d.astype(np.float32))
         intact = stretch[~failed] if s.total else stretch
         largest = float(intact.max(initial=1.0))
+        if self.scene.solver.until == "settled" and self.report.parted and not self.rest.settled:
+            self.rest.look(s.V.to_numpy(), s.C.to_numpy(), failed, self.fragment)
+            self.report.settled_frame = k if self.rest.settled else None
         self.report.frame(frame, Books.of(s.booked()), energy, largest, s.kinetic(), verdict)
         return frame
 

@@ -1,16 +1,11 @@
 """A uniform bar with free sides, pulled slowly: the closed form that the break of a scene is compared with."""
 
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any
 
 import numpy as np
-import taichi as ti
 
-from fracsim.mpm.kernels import types
-from fracsim.mpm.tensor import cofactor, volume_ratio
+from fracsim.mpm.bar import stretcher
 from fracsim.records import Array
-from fracsim.registry import load
 from fracsim.vocab import Scene
 
 POINTS = 1000
@@ -57,45 +52,13 @@ class Bar:
         return self.work + BESIDE * float(np.trapezoid(energy[:peak], self.damage[:peak]))
 
 
-@cache
-def _stretcher(law_name: str, damage_name: str) -> Any:
-    """The kernel that finds P and d at given stretches, the sides at P22 = 0 by bisection."""
-    law = load("fracsim.constitutive", law_name, "material.law")
-    damage_law = load("fracsim.damage", damage_name, "fracture.law")
-    Scalar = types(ti.f64)["scalar"]
-
-    @ti.func
-    def pulled(l, s, mu, lam):
-        F = ti.Matrix([[l, l * 0, l * 0], [l * 0, s, l * 0], [l * 0, l * 0, s]])
-        K = cofactor(F)
-        return F, law.piola(F, K, volume_ratio(F, K), mu, lam)
-
-    @ti.kernel
-    def pull(mu: ti.f64, lam: ti.f64, onset: ti.f64, crit: ti.f64, stretch: Scalar, P: Scalar, d: Scalar):
-        for q in range(stretch.shape[0]):
-            l = stretch[q]
-            narrow, wide = l * 0 + 0.05, l * 0 + 1.5
-            for _ in range(50):
-                s = (narrow + wide) / 2
-                _F, stress = pulled(l, s, mu, lam)
-                if stress[1, 1] > 0:
-                    wide = s
-                else:
-                    narrow = s
-            F, stress = pulled(l, narrow, mu, lam)
-            P[q] = stress[0, 0]
-            d[q] = damage_law.raw(F, l * narrow * narrow, onset, crit)
-
-    return pull
-
-
 def bar(scene: Scene, crit: float | None = None) -> Bar:
     """The bar of a scene's material, with another lambda_crit if given."""
     m, f = scene.material, scene.fracture
     crit = f.crit if crit is None else crit
     stretch = np.linspace(1, crit, POINTS)
     P, d = np.zeros(POINTS), np.zeros(POINTS)
-    _stretcher(m.law, f.law)(m.mu, m.lam, f.onset, crit, stretch, P, d)
+    stretcher(m.law, f.law)(m.mu, m.lam, f.onset, crit, stretch, P, d)
     return Bar(stretch, P, d)
 
 

@@ -140,6 +140,8 @@ class Solver:
                         "substep, whatever dt is; none", choices=("physical", "per_substep", "none"))  # fmt: skip
     precision: str = knob("float32", "floating-point type of the simulation", choices=("float32", "float64"))
     walls: bool = knob(False, "sticky walls three cells inside the [0, 2]^3 domain (updated)")
+    until: str = knob("end", "end: simulate all frames; settled: once it is torn and at rest but for the motion of the "
+                      "grips, the pieces move on rigidly (total)", choices=("end", "settled"))  # fmt: skip
     max_speed: float = knob(500.0, "stop when a particle is faster", "m/s", least=1.0, most=1e5)
 
     def __post_init__(self) -> None:
@@ -147,6 +149,8 @@ class Solver:
         self.dt, self.projection = (v if isinstance(v, str) else float(v) for v in (self.dt, self.projection))
         if self.walls and self.formulation == "total":
             raise ValueError("solver.walls=true needs the present positions: set solver.formulation=updated.")
+        if self.until == "settled" and self.formulation == "updated":
+            raise ValueError("solver.until=settled needs fragments that are known: set solver.formulation=total.")
 
     @property
     def h(self) -> float:
