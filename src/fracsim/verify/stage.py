@@ -95,6 +95,12 @@ def free(scene: Scene, body: Particles) -> Stage:
     return Stage(scene, body)
 
 
+def row(solver: Solver, material: Material, x: Array) -> Stage:
+    """One row of particles at x [m from the centre], two a cell; to be kept straight by `flat(state, (1, 2))`."""
+    X = 1 + x[:, None] * [1, 0, 0]
+    return free(scene(solver, material, X), particles(X, solver.spacing))
+
+
 def put(state: State, **values: ArrayLike) -> None:
     """Set arrays of the particles: `put(state, V=..., F=...)`; one row stands for all particles."""
     for name, value in values.items():
@@ -160,20 +166,23 @@ def follow(state: State) -> None:
             state.relayout(state.X0 + U)
 
 
-def flatten(state: State, axes: tuple[int, ...]) -> None:
-    """Take motion and strain along `axes` away: with one layer of particles there, a plane or a confined problem.
-
-    Fields that do not vary along an axis have exact weights along it, so the layer stands for an endless one.
+def flat(state: State, axes: tuple[int, ...]) -> Hook:
+    """A hook that takes motion and strain along `axes` away: with one layer of particles there, a plane or confined
+    problem. Fields that do not vary along an axis have exact weights along it, so the layer stands for an endless one.
     """
     rest = np.eye(3, dtype=state.dtype)
-    for name in ("U", "V", "C", "F"):
-        array = getattr(state, name)
-        values = array.to_numpy()
-        for k in axes:
-            values[:, k] = rest[k] if name == "F" else 0
-            if values.ndim == 3:
-                values[:, :, k] = rest[k] if name == "F" else 0
-        array.from_numpy(values)
+
+    def flatten(t: float, dt: float) -> None:
+        for name in ("U", "V", "C", "F"):
+            array = getattr(state, name)
+            values = array.to_numpy()
+            for k in axes:
+                values[:, k] = rest[k] if name == "F" else 0
+                if values.ndim == 3:
+                    values[:, :, k] = rest[k] if name == "F" else 0
+            array.from_numpy(values)
+
+    return flatten
 
 
 class Ghosts:

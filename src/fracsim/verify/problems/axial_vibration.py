@@ -9,7 +9,7 @@ import numpy as np
 
 from fracsim.records import Array
 from fracsim.verify.problem import Check, Setting, absolute, at_least, relative
-from fracsim.verify.stage import Stage, advance, elastic, free, kinetic, particles, put, scene
+from fracsim.verify.stage import Stage, advance, elastic, flat, kinetic, put, row
 from fracsim.vocab import Material
 
 E, DENSITY, LENGTH, AMPLITUDE, PERIODS = 2e3, 200.0, 1.0, 0.01, 5
@@ -25,11 +25,10 @@ def velocity(x: Array, t: float) -> Array:
 
 
 def ringing(setting: Setting, cells: int) -> Stage:
-    """A row of particles, two a cell; nu = 0, so that it has no sides to move."""
+    """The bar in its first mode, two particles a cell."""
     solver = setting.solver(2 * cells)
     x = (np.arange(4 * cells) + 0.5) * solver.h / 2 - LENGTH
-    X = np.stack([1 + x, np.ones_like(x), np.ones_like(x)], axis=1)
-    state = free(scene(solver, Material(E=E, nu=0.0, density=DENSITY), X), particles(X, solver.h / 2))
+    state = row(solver, Material(E=E, nu=0.0, density=DENSITY), x)
     slope = AMPLITUDE * C * np.pi / (2 * LENGTH) * np.cos(np.pi * x / (2 * LENGTH))
     put(state, V=velocity(x, 0)[:, None] * [1, 0, 0], C=slope[:, None, None] * np.diag([1, 0, 0]))
     return state
@@ -40,7 +39,7 @@ def watch(state: Stage) -> tuple[float, float]:
     first, dt, half = kinetic(state), PERIOD / 100, state.X0[:, 0] > 0
     mean = [float(state.V.to_numpy()[half, 0].mean())]
     for k in range(100 * PERIODS):
-        advance(state, dt, k * dt)
+        advance(state, dt, k * dt, flat(state, (1, 2)))
         mean.append(float(state.V.to_numpy()[half, 0].mean()))
     v = np.array(mean)
     at = np.flatnonzero(v[:-1] * v[1:] < 0)
@@ -62,4 +61,4 @@ def run(setting: Setting) -> Iterator[Check]:
         yield check
         yield absolute(f"energy left after {PERIODS} periods, {cells} cells", 1, energy, targets[cells][1], **at)
     order = np.log(errors[0] / errors[-1]) / np.log(sizes[-1] / sizes[0])
-    yield at_least("order of the period", 0.9, float(order))
+    yield at_least("order of the period", 1.8, float(order))

@@ -7,7 +7,7 @@ import numpy as np
 from fracsim.mpm.state import State
 from fracsim.report import Books
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import NEVER, advance, bar, flatten, free, particles, put, scene
+from fracsim.verify.stage import NEVER, advance, bar, flat, free, particles, put, scene
 from fracsim.vocab import Backend, Loading, Material, Scene
 
 E, STRETCH = 2e3, 1.5
@@ -43,8 +43,7 @@ def pulled(setting: Setting, material: Material) -> tuple[float, float, float]:
     end, middle = (STRETCH - 1) * gauge * h / (2 * speed), np.abs(state.X0[:, 0]) < 2 * h
     stretch, impulse = [], []
     for start, duration in ((0.0, 0.95 * end), (0.95 * end, 0.05 * end)):
-        advance(state, duration, start, lambda t, dt: flatten(state, (1, 2)))
-        flatten(state, (1, 2))
+        advance(state, duration, start, flat(state, (1, 2)))
         stretch.append(float(state.F.to_numpy()[middle, 0, 0].mean()))
         impulse.append(Books.of(state.booked()).impulse)
     return stretch[-1], float(np.mean(stretch)), (impulse[1] - impulse[0]) / (0.05 * end) / (h / 2) ** 2
