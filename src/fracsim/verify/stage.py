@@ -15,6 +15,8 @@ from fracsim.vocab import CENTRE, Backend, Fracture, Loading, Material, Scene, S
 
 FAR = 10.0
 """Beyond all bodies [m]."""
+CRUSHED = 0.02
+"""A stable substep this small a part of that at rest is not worth going on."""
 ROUND = 16
 """Substeps between two looks at the stability bound."""
 NEVER = Fracture(onset=9, crit=10)
@@ -111,12 +113,12 @@ def put(state: State, **values: ArrayLike) -> None:
 
 def substep(state: State) -> float:
     """The substep that the scene's rule takes at the present state [s]."""
-    rule, peaks = state.scene.solver.dt, state.survey()
+    rule, peaks, m = state.scene.solver.dt, state.survey(), state.scene.material
     if not isinstance(rule, str):
         return rule
     dt = limit(state.scene, peaks.stiffness, peaks.fastest, peaks.rate)
-    if not dt > 0:
-        raise RuntimeError("the material has blown up")
+    if not dt > CRUSHED * limit(state.scene, 3 * m.lam + 2 * m.mu, 0.0, 0.0):
+        raise RuntimeError("the material is crushed or has blown up: the stable substep has collapsed")
     return dt
 
 
