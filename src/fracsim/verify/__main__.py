@@ -81,7 +81,7 @@ def table(rows: Iterable[Check]) -> Table:
     return out
 
 
-def write(rows: Iterable[Check], folder: Path, name: str) -> Path:
+def write(rows: Iterable[Check], folder: Path, name: str, quality: str) -> Path:
     """Store the checks as a CSV file with hardware, versions and commit, and return where."""
     about = machine()
     folder.mkdir(parents=True, exist_ok=True)
@@ -91,7 +91,7 @@ def write(rows: Iterable[Check], folder: Path, name: str) -> Path:
         for row in rows:
             values = {name: getattr(row, name) for name in COLUMNS}
             shown = {k: number(v) if isinstance(v, float) or v is None else v for k, v in values.items()}
-            out.writerow({**shown, "seconds": f"{row.seconds:.2f}", "quality": name, **about})
+            out.writerow({**shown, "seconds": f"{row.seconds:.2f}", "quality": quality, **about})
     return folder / f"{name}.csv"
 
 
@@ -103,7 +103,7 @@ def main(words: Sequence[str] | None = None) -> int:
         rows = list(checks(wanted.only or problem.names(), settings(wanted), progress))
     console.print(table(rows))
     label = "_".join([wanted.quality, *([wanted.precision] if wanted.precision else []), *["quick"] * wanted.quick])
-    path = write(rows, wanted.out, label)
+    path = write(rows, wanted.out, label, wanted.quality)
     drawn = plots.draw(rows, wanted.out)
     met, asked = sum(row.ok == "yes" for row in rows), sum(row.ok != "" for row in rows)
     console.print(f"{met} of {asked} tolerances met; stored in {path} and {len(drawn)} plots", soft_wrap=True)

@@ -36,7 +36,7 @@ class Bar:
         h = solver.h
         X = lattice((self.gauge + 2 * HELD * h, self.width, self.height), solver.spacing)
         across = np.abs(X[:, 1] - 1) > self.width / 2 - self.notch
-        return X[~(across & (np.abs(X[:, 0] - 1 - self.at) < h / 2))]
+        return np.asarray(X[~(across & (np.abs(X[:, 0] - 1 - self.at) < h / 2))])
 
 
 def simulator(
