@@ -8,7 +8,7 @@ import numpy as np
 
 from fracsim.verify.problem import Check
 
-COLOURS = {"total": "C0", "updated": "C1"}
+LOOKS = {"total": {"color": "C0", "marker": "o"}, "updated": {"color": "C1", "marker": "s", "fillstyle": "none"}}
 
 
 def studies(checks: Sequence[Check]) -> dict[str, dict[tuple[str, str], list[Check]]]:
@@ -38,12 +38,12 @@ def draw(checks: Sequence[Check], folder: Path) -> list[Path]:
         for (quantity, form), line in lines.items():
             style = ("-", "--", ":", "-.")[quantities.index(quantity) % 4]
             line = sorted(line, key=lambda c: c.at)
-            axes.loglog([c.at for c in line], [c.error for c in line], f"o{style}", color=COLOURS[form],
+            axes.loglog([c.at for c in line], [c.error for c in line], linestyle=style, **LOOKS[form],
                         label=f"{quantity}, {form}: slope {slope(line):.2f}")  # fmt: skip
         (unit,) = {c.axis for line in lines.values() for c in line}
         axes.set(title=name.replace("_", " "), xlabel=f"{unit} [{'m' if unit == 'h' else 's'}]", ylabel="error")
         axes.grid(alpha=0.3, which="both")
-        axes.legend(fontsize="x-small")
+        axes.legend(fontsize="x-small", handlelength=4)
         paths.append(folder / f"{name}.png")
         figure.savefig(paths[-1], dpi=110)
     return paths

@@ -146,11 +146,11 @@ def advance(state: State, duration: float, t: float = 0.0, before: Hook | None =
 
 
 def _safe(state: State, dt: float) -> int:
-    """Substeps during which nobody leaves the nodes in use."""
+    """Substeps during which nobody leaves the nodes in use; few, for what snaps is soon faster than it is now."""
     if state.total:
         return ROUND
     fastest = float(np.linalg.norm(state.V.to_numpy(), axis=1).max())
-    return max(1, min(ROUND, int(MARGIN / 2 * state.scene.solver.h / max(fastest * dt, 1e-30))))
+    return max(1, min(ROUND // 4, int(MARGIN / 2 * state.scene.solver.h / max(fastest * dt, 1e-30))))
 
 
 def check(state: State) -> None:

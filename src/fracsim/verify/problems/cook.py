@@ -4,12 +4,15 @@ The answer is that of nine-node finite elements, refined until it stands.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from fracsim.mpm.layout import order
+from fracsim.records import Array
 from fracsim.verify.elements import sheared
 from fracsim.verify.problem import Check, Setting, relative, told
-from fracsim.verify.stage import Stage, advance, flat, ordered, particles, put, scene
+from fracsim.verify.stage import Stage, advance, flat, masses, particles, put, scene
 from fracsim.vocab import Material
 
 CORNERS = np.array([[0.0, 0.0], [0.48, 0.44], [0.48, 0.60], [0.0, 0.44]])
@@ -29,18 +32,22 @@ def sag(nu: float, elements: int = 64) -> float:
 
 
 def membrane(setting: Setting, nu: float, cells: int) -> Stage:
-    """One layer of particles, `cells` along the length."""
+    """One layer of particles in columns that follow the slanted edges, `cells` along the length."""
     solver = setting.solver(2 * cells / 0.48)
     h, s = solver.h, solver.spacing
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(-HELD * h + s / 2, 0.48, s), np.arange(s / 2, 0.60, s),
-                                           indexing="ij"))  # fmt: skip
+    x, part = (a.ravel() for a in np.meshgrid(np.arange(-HELD * h + s / 2, 0.48, s), _middles(round(0.44 / s)),
+                                              indexing="ij"))  # fmt: skip
     low, high = np.maximum(x, 0) * 0.44 / 0.48, 0.44 + np.maximum(x, 0) * 0.16 / 0.48
-    inside = (y > low) & (y < high)
     wall = h * np.ceil((0.48 / h + 5) / 2)
-    X = np.stack([x - wall + 1, y - 10 * h + 1, np.ones_like(x)], axis=1)[inside]
-    X = ordered(X, h)
-    material = Material(law="neo_hookean", E=E, nu=nu, density=DENSITY)
-    return Stage(scene(solver, material, X), particles(X, s), wall)
+    X = np.stack([x - wall + 1, low + part * (high - low) - 10 * h + 1, np.ones_like(x)], axis=1)
+    by = order((X - 1) / h)
+    body = particles(X[by], s)
+    body = replace(body, volume=((high - low) / 0.44 * s**3)[by].astype(np.float32))
+    return Stage(scene(solver, Material(law="neo_hookean", E=E, nu=nu, density=DENSITY), X), body, wall)
+
+
+def _middles(n: int) -> Array:
+    return (np.arange(n) + 0.5) / n
 
 
 def settle(state: Stage) -> float:
@@ -48,7 +55,7 @@ def settle(state: Stage) -> float:
     h, x = state.scene.solver.h, state.X0[:, 0]
     tip = x > x.max() - h / 4
     pull = np.zeros((state.n, 3))
-    pull[tip, 1] = LOAD * E * 0.16 / (tip.sum() * (h / 2) ** 2 * DENSITY)
+    pull[tip, 1] = LOAD * E * 0.16 * (h / 2) / masses(state)[tip].sum()
     rate, flatten = 4 * np.pi / SLOWEST, flat(state, (2,))
 
     def before(t: float, dt: float) -> None:
