@@ -7,6 +7,7 @@ from fracsim import Backend, Capture, Fracture, Loading, Material, Solver
 from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.simulate import Simulator
+from fracsim.verify.problems import decay, translation
 
 from .bars import angular_momentum, free, lattice, momentum, particles, scene
 
@@ -38,21 +39,21 @@ def run(state: State, steps: int, dt: float) -> None:
 def test_rigid_translation(form: str) -> None:
     """100 cells at 5 m/s: F stays I, v stays v, to round-off."""
     state = body(form)
-    v = np.array([5.0, 2.0, -1.0])
+    v = translation.VELOCITY
     state.V.from_numpy(np.tile(v, (state.n, 1)))
     run(state, 1000, 8e-4)
     assert np.abs(state.F.to_numpy() - np.eye(3)).max() < 1e-10
     assert np.abs(state.V.to_numpy() - v).max() < 1e-10
-    assert np.allclose(state.U.to_numpy(), 0.8 * v, atol=1e-10)
+    assert np.allclose(state.U.to_numpy(), translation.displacement(0.8), atol=1e-10)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_grid_decay(form: str) -> None:
     """v(t) = v0 exp(-rate t), whatever the substep."""
-    state = body(form, decay=5.0)
+    state = body(form, decay=decay.RATE)
     state.V.from_numpy(np.tile([1.0, 0, 0], (state.n, 1)))
     run(state, 400, 5e-4)
-    assert np.abs(state.V.to_numpy()[:, 0] - np.exp(-5.0 * 0.2)).max() < 1e-10
+    assert np.abs(state.V.to_numpy()[:, 0] - decay.speed("physical", 400, 5e-4)).max() < 1e-10
 
 
 def spin(state: State, omega: float) -> None:

@@ -12,6 +12,11 @@ from fracsim.mpm.state import State
 from fracsim.records import Particles
 from fracsim.ride import Ride
 from fracsim.simulate import Simulator
+from fracsim.verify import closed_form
+from fracsim.verify.problems import notch as notch_problem
+from fracsim.verify.problems import softening as softening_problem
+from fracsim.verify.pull import simulator as pulled
+from fracsim.verify.pull import until_parted
 
 from .bars import bar, free, lattice, particles, scene
 
@@ -33,18 +38,12 @@ def softening(law: str, E: float, nu: float, onset: float, crit: float, speed: f
     return Simulator(s, bar(s.solver, (20 * H, 4 * H, 4 * H)))
 
 
-# A uniform bar fails where (1 - d) P(lambda) peaks, long before lambda_crit; nominal stretch there and peak P / E.
-SOFTENING = [
-    ("fixed_corotated", 2e3, 0.3, 1.5, 2.3, 0.05, 1.6219, 0.45866),
-    ("fixed_corotated", 2e3, 0.3, 2.0, 3.0, 0.05, 2.0, 0.83668),
-    ("neo_hookean", 2e4, 0.45, 2.6, 3.0, 0.2, 2.6, 0.84209),
-]
-
-
-@pytest.mark.parametrize(("law", "E", "nu", "onset", "crit", "speed", "stretch", "peak"), SOFTENING)
+@pytest.mark.parametrize(("row", "speed"), list(zip(softening_problem.ROWS[:3], (0.05, 0.05, 0.2), strict=True)))
 def test_uniform_bar_breaks_at_the_closed_form_stretch(
-    law: str, E: float, nu: float, onset: float, crit: float, speed: float, stretch: float, peak: float
+    row: tuple[str, float, float, float, float], speed: float
 ) -> None:
+    law, E, nu, onset, crit, *_ = row
+    stretch, peak, _ = closed_form.softening(law, nu, onset, crit)
     simulator = softening(law, E, nu, onset, crit, speed)
     for _ in simulator.frames():
         if simulator.report.parted:
@@ -73,24 +72,11 @@ def test_updated_reports_its_numerical_tearing() -> None:
 
 def test_notched_bar_breaks_at_its_notch() -> None:
     """A notch one cell deep, off centre: the first failed particle lies within a cell of it."""
-    spacing = H / 2
-    X = lattice((20 * H, 6 * H, 4 * H), spacing)
-    notch = 1 + 3 * H
-    keep = ~((np.abs(X[:, 0] - notch) < spacing) & (np.abs(X[:, 1] - 1) > 2 * H))
-    s = scene(
-        material=Material(law="fixed_corotated", E=2e3, nu=0.3),
-        fracture=Fracture(onset=1.5, crit=2.3),
-        loading=Loading(offset=9 * H, thickness=2 * H, speed=0.1, grips="sliding"),
-        solver=Solver(cells=CELLS),
-        capture=Capture(frames=200, fps=60),
-    )
-    simulator = Simulator(s, particles(X[keep], spacing))
-    for frame in simulator.frames():
-        if frame.failed.any():
-            first = simulator.particles.X[frame.failed, 0]
-            assert np.abs(first - notch).max() <= H + spacing
-            return
-    pytest.fail("nothing failed")
+    bar, solver = notch_problem.BAR, Solver(cells=CELLS)
+    simulator = pulled(solver, bar, notch_problem.MATERIAL, notch_problem.FRACTURE, 0.03, 1.9, 200)
+    first = until_parted(simulator)
+    assert first is not None, "nothing failed"
+    assert np.abs(first[:, 0] - 1 - bar.at).max() <= H + solver.spacing
 
 
 def test_fragments_do_not_tie_each_other() -> None:

@@ -1,0 +1,30 @@
+"""Two equal blocks that meet on the grid: momentum and angular momentum stay nothing."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim.verify.problem import Check, Setting, absolute, told
+from fracsim.verify.stage import advance, angular_momentum, free, lattice, masses, momentum, particles, put, scene
+from fracsim.vocab import Material
+
+FORMULATIONS = ("updated",)
+"""`total` has no contact."""
+EDGE, GAP, SPEED = 0.12, 0.08, 1.0
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """Blocks of three cells at +-1 m/s, off centre by a quarter of their edge."""
+    solver = setting.solver(50)
+    shift = (EDGE + GAP) / 2
+    X = np.concatenate([lattice((EDGE,) * 3, solver.spacing, (1 + k * shift, 1 + k * EDGE / 8, 1.0)) for k in (-1, 1)])
+    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3), X), particles(X, solver.spacing))
+    side = np.sign(state.X0[:, 0]).astype(float)
+    put(state, V=-SPEED * side[:, None] * np.array([1.0, 0, 0]))
+    scale, L = masses(state).sum() * SPEED, angular_momentum(state)
+    advance(state, 0.15)
+    tolerance = setting.by_precision(1e-5, 1e-12)
+    yield absolute("momentum / sum m |v|", 0, float(np.abs(momentum(state)).max() / scale), tolerance)
+    drift = np.linalg.norm(angular_momentum(state) - L) / np.linalg.norm(L)
+    yield absolute("drift of angular momentum, relative", 0, float(drift), tolerance)
+    yield told("rebound speed / approach speed", float((side * state.V.to_numpy()[:, 0]).mean() / SPEED))

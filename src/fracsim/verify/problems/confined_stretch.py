@@ -1,0 +1,62 @@
+"""A bar stretched while its sides are held: F = diag(lambda, 1, 1)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim.mpm.state import State
+from fracsim.report import Books
+from fracsim.verify.problem import Check, Setting, relative
+from fracsim.verify.stage import NEVER, advance, bar, flat, free, particles, put, scene
+from fracsim.vocab import Backend, Loading, Material, Scene
+
+E, STRETCH = 2e3, 1.5
+CASES = (("fixed_corotated", 0.3), ("neo_hookean", 0.45))
+
+
+def kirchhoff(law: str, mu: float, lam: float, l: float) -> tuple[float, float]:
+    """tau11 and tau22 [Pa] at F = diag(l, 1, 1)."""
+    if law == "fixed_corotated":
+        return 2 * mu * (l**2 - l) + lam * l * (l - 1), lam * l * (l - 1)
+    return mu * (l**2 - 1) + lam * np.log(l), lam * np.log(l)
+
+
+def prescribed(setting: Setting, material: Material) -> tuple[float, float]:
+    """tau11 and tau22 of the law at F = diag(l, 1, 1) [Pa]."""
+    solver = setting.solver(20)
+    body = bar(solver)
+    state = free(scene(solver, material, body.X), body)
+    put(state, F=np.diag([STRETCH, 1, 1]))
+    tau = state.observe()[0].astype(float).mean(axis=0)
+    return float(tau[0, 0]), float(tau[1, 1])
+
+
+def pulled(setting: Setting, material: Material) -> tuple[float, float, float]:
+    """Stretch of the middle at the end of a pull by sliding grips; mean of the stretches at both ends of the last
+    twentieth of it, and the load / section [Pa] meanwhile."""
+    solver, gauge = setting.solver(50), 16
+    h, speed = solver.h, 0.01 * np.sqrt(material.E / material.density)
+    X = np.stack([1 + (np.arange(40) - 19.5) * h / 2, np.ones(40), np.ones(40)], axis=1)
+    pull = Loading(offset=(gauge / 2 + 1) * h, thickness=2 * h, speed=speed, grips="sliding")
+    state = State(Scene(solver=solver, material=material, loading=pull, fracture=NEVER, backend=Backend(threads=1)),
+                  particles(X, h / 2))  # fmt: skip
+    end, middle = (STRETCH - 1) * gauge * h / (2 * speed), np.abs(state.X0[:, 0]) < 2 * h
+    stretch, impulse = [], []
+    for start, duration in ((0.0, 0.95 * end), (0.95 * end, 0.05 * end)):
+        advance(state, duration, start, flat(state, (1, 2)))
+        stretch.append(float(state.F.to_numpy()[middle, 0, 0].mean()))
+        impulse.append(Books.of(state.booked()).impulse)
+    return stretch[-1], float(np.mean(stretch)), (impulse[1] - impulse[0]) / (0.05 * end) / (h / 2) ** 2
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """The law at a prescribed F, and the load of a pull at the stretch that its middle has reached."""
+    for law, nu in CASES:
+        material = Material(law=law, E=E, nu=nu)
+        exact = kirchhoff(law, material.mu, material.lam, STRETCH)
+        for name, should, found in zip(("tau11", "tau22"), exact, prescribed(setting, material), strict=True):
+            yield relative(f"{law} {name}, prescribed", should, found, setting.by_precision(2e-5, 1e-6), unit="Pa")
+        reached, mean, load = pulled(setting, material)
+        yield relative(f"{law} stretch of the middle, pulled", STRETCH, reached, 0.01)
+        nominal = kirchhoff(law, material.mu, material.lam, mean)[0] / mean
+        yield relative(f"{law} load / section at stretch {mean:.4f}", nominal, load, 0.01, unit="Pa")

@@ -1,0 +1,35 @@
+"""Damage is the running maximum of Eq. 4 along a history of stretches."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim.mpm.state import State
+from fracsim.records import Array
+from fracsim.verify.problem import Check, Setting, absolute
+from fracsim.verify.stage import bar, free, put, scene
+from fracsim.vocab import Fracture, Material
+
+HISTORY = (1, 1.5, 1.7, 2.1, 1.2, 2.1, 2.5, 2.2, 0.6)
+THRESHOLDS = Fracture(onset=1.5, crit=2.3)
+EXACT = (0, 0, 0.25, 0.75, 0.75, 0.75, 1, 1, 1)
+
+
+def suffered(state: State) -> Array:
+    """Damage of all particles after each stretch of HISTORY, imposed on F for a substep of no length."""
+    seen = []
+    for stretch in HISTORY:
+        put(state, F=np.diag([float(stretch), 1, 1]), V=np.zeros(3), C=np.zeros((3, 3)))
+        state.run(1, 1e-9, 0.0)
+        seen.append(state.D.to_numpy())
+    return np.array(seen)
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """Thresholds 1.5 and 2.3."""
+    solver = setting.solver(20)
+    body = bar(solver, (0.6, 0.3, 0.3))
+    s = scene(solver, Material(E=1e2, nu=0.3), body.X)
+    s.fracture = THRESHOLDS
+    error = np.abs(suffered(free(s, body)) - np.array(EXACT)[:, None]).max()
+    yield absolute("largest |d - running maximum|", 0, float(error), 1e-6)

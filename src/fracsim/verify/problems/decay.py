@@ -1,0 +1,29 @@
+"""A free block on a grid that loses velocity at a rate: v(t) = v0 exp(-rate t)."""
+
+import math
+from collections.abc import Iterator
+
+from fracsim.verify.problem import Check, Setting, relative
+from fracsim.verify.stage import free, lattice, particles, put, scene
+from fracsim.vocab import DT0, Material
+
+RATE, DURATION, SUBSTEPS = 5.0012504, 1.0, 2000
+"""The paper's g = 0.9995 a substep of 1e-4 s as a rate [1/s]."""
+
+
+def speed(mode: str, substeps: int, dt: float) -> float:
+    """Part of the first velocity that is left; `mode` is solver.damping."""
+    step = {"physical": dt, "per_substep": DT0, "none": 0.0}[mode]
+    return math.exp(-RATE * step * substeps)
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """After 1 s about 0.7 % of the velocity is left."""
+    solver = setting.solver(50)
+    X = lattice((0.16,) * 3, solver.spacing)
+    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3, decay=RATE), X), particles(X, solver.spacing))
+    put(state, V=[0.02, 0.0, 0.0])
+    state.run(SUBSTEPS, DURATION / SUBSTEPS, 0.0)
+    left = float(state.V.to_numpy()[:, 0].astype(float).mean() / 0.02)
+    yield relative("v(1 s) / v0", speed(solver.damping, SUBSTEPS, DURATION / SUBSTEPS), left,
+                   setting.by_precision(1e-4, 1e-10))  # fmt: skip

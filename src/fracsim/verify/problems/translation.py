@@ -1,0 +1,36 @@
+"""A block that flies 100 cells: nothing changes but its place."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim.records import Array
+from fracsim.verify.problem import Check, Setting, absolute, relative
+from fracsim.verify.stage import advance, free, lattice, momentum, particles, put, scene
+from fracsim.vocab import Material
+
+VELOCITY = np.array([5.0, 2.0, -1.0])
+
+
+def displacement(t: float) -> Array:
+    """Displacement of all particles at t [m], (3,)."""
+    return VELOCITY * t
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """F stays I, v stays v, momentum is kept; to round-off."""
+    solver = setting.solver(50)
+    X = lattice((0.16,) * 3, solver.spacing)
+    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3), X), particles(X, solver.spacing))
+    put(state, V=VELOCITY)
+    before, t = momentum(state), 100 * solver.h / np.linalg.norm(VELOCITY)
+    advance(state, t)
+    strain, drift = np.abs(state.F.to_numpy() - np.eye(3)).max(), np.abs(state.V.to_numpy() - VELOCITY).max()
+    yield absolute("largest |F - I|", 0, float(strain), setting.by_precision(1e-5, 1e-12))
+    yield absolute("largest |v - v0| / |v0|", 0, float(drift / np.linalg.norm(VELOCITY)),
+                   setting.by_precision(1e-5, 1e-12))  # fmt: skip
+    change = np.linalg.norm(momentum(state) - before) / np.linalg.norm(before)
+    yield absolute("change of momentum, relative", 0, float(change), setting.by_precision(1e-5, 1e-12))
+    moved = state.U.to_numpy().astype(float).mean(axis=0)
+    yield relative("distance flown", float(np.linalg.norm(displacement(t))), float(np.linalg.norm(moved)),
+                   setting.by_precision(1e-5, 1e-10), unit="m")  # fmt: skip

@@ -1,0 +1,71 @@
+"""A bar with free sides, stretched slowly: nominal stress, von Mises stress and volume against the root of P22 = 0."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim.simulate import Simulator
+from fracsim.verify.closed_form import thinned, uniaxial
+from fracsim.verify.problem import Check, Setting, relative
+from fracsim.verify.stage import NEVER, bar, free, put, scene
+from fracsim.vocab import Backend, Capture, Loading, Material, Scene
+
+STRETCHES = (1.5, 2.0, 2.6, 3.0, 3.3)
+TABLE = {
+    ("fixed_corotated", 0.2): (0.46604, 0.89558, 1.39547, 1.72573, 1.97294),
+    ("fixed_corotated", 0.25): (0.45443, 0.86550, 1.34327, 1.65926, 1.89598),
+    ("fixed_corotated", 0.3): (0.44287, 0.83668, 1.29423, 1.59723, 1.82437),
+    ("neo_hookean", 0.45): (0.35861, 0.59880, 0.84209, 0.99334, 1.10381),
+    ("neo_hookean", 0.49): (0.35321, 0.58640, 0.82222, 0.96892, 1.07613),
+    ("neo_hookean_decoupled", 0.45): (0.34349, 0.55303, 0.74439, 0.85275, 0.92714),
+}
+"""Nominal stress / E at STRETCHES, solved once more and elsewhere, to five digits."""
+RUNS = (("fixed_corotated", 0.3, 2.0), ("neo_hookean", 0.45, 2.6))
+E = 2e3
+
+
+def law_at(setting: Setting, law: str, nu: float) -> float:
+    """Largest relative error of the law's von Mises stress at the closed-form F of all STRETCHES."""
+    solver, worst = setting.solver(20), 0.0
+    body = bar(solver)
+    state = free(scene(solver, Material(law=law, E=E, nu=nu), body.X), body)
+    for stretch in STRETCHES:
+        side = thinned(law, nu, stretch)
+        put(state, F=np.diag([stretch, side, side]))
+        tau = state.observe()[0].astype(float).mean(axis=0)
+        _, cauchy, J = uniaxial(law, nu, stretch)
+        worst = max(worst, abs((tau[0, 0] - tau[1, 1]) / J / E / cauchy - 1))
+    return worst
+
+
+def pulled(setting: Setting, law: str, nu: float, most: float) -> Simulator:
+    """A bar of 4 x 4 cells between sliding grips 16 cells apart, pulled until its nominal stretch is `most`."""
+    solver, material = setting.solver(50), Material(law=law, E=E, nu=nu)
+    h, frames = solver.h, 60
+    speed = (0.02 if setting.quick else 0.01) * np.sqrt(material.E / material.density)
+    duration = (most - 1) * 16 * h / (2 * speed)
+    s = Scene(material=material, fracture=NEVER, solver=solver, backend=Backend(threads=1),
+              loading=Loading(offset=9 * h, thickness=2 * h, speed=speed, grips="sliding"),
+              capture=Capture(frames=frames, fps=(frames - 1) / duration))  # fmt: skip
+    return Simulator(s, bar(solver, (20 * h, 4 * h, 4 * h)))
+
+
+def run(setting: Setting) -> Iterator[Check]:
+    """The law at prescribed F for the whole table; then pulls, whose load is that of the table."""
+    for (law, nu), nominal in TABLE.items():
+        solved = max(abs(uniaxial(law, nu, s)[0] - P) for s, P in zip(STRETCHES, nominal, strict=True))
+        assert solved < 1e-5, "the closed form disagrees with the table"
+        yield relative(f"{law} {nu}, von Mises, 1 + worst of 5", 1, 1 + law_at(setting, law, nu),
+                       setting.by_precision(1e-4, 1e-5))  # fmt: skip
+    for law, nu, most in RUNS:
+        simulator = pulled(setting, law, nu, most)
+        *_, frame = simulator.frames()
+        area, last = (4 * simulator.scene.solver.h) ** 2, simulator.report.history
+        # The load of a frame is its mean since the frame before.
+        half = (last.nominal_stretch[-1] + last.nominal_stretch[-2]) / 2
+        found = float(np.mean(last.load[-6:])) / area / E
+        stretches = [(a + b) / 2 for a, b in zip(last.nominal_stretch[-7:-1], last.nominal_stretch[-6:], strict=True)]
+        exact = float(np.mean([uniaxial(law, nu, s)[0] for s in stretches]))
+        yield relative(f"{law} {nu}, P / E pulled to {half:.2f}", exact, found, 0.01)
+        J = float(np.linalg.det(frame.F[np.abs(simulator.particles.X[:, 0] - 1) < 2 * 0.04]).mean())
+        yield relative(f"{law} {nu}, J pulled to {most}", uniaxial(law, nu, most)[2], J, 0.01)

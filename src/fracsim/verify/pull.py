@@ -1,0 +1,75 @@
+"""Bars between sliding grips that are pulled until they break, by the whole simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracsim.records import Array
+from fracsim.simulate import Simulator
+from fracsim.verify.stage import lattice, particles
+from fracsim.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
+
+HELD = 2
+"""Cells of a grip."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar along x; all lengths in m."""
+
+    gauge: float
+    """Between the faces of the grips."""
+    width: float
+    height: float
+    notch: float = 0.0
+    """Depth of the notch in both faces across y."""
+    at: float = 0.0
+    """Where it is, from the middle."""
+
+    @property
+    def section(self) -> float:
+        """Area away from the notch [m^2]."""
+        return self.width * self.height
+
+    def points(self, solver: Solver) -> Array:
+        """Particles at rest, the notch a cell long, (N, 3)."""
+        h = solver.h
+        X = lattice((self.gauge + 2 * HELD * h, self.width, self.height), solver.spacing)
+        across = np.abs(X[:, 1] - 1) > self.width / 2 - self.notch
+        return np.asarray(X[~(across & (np.abs(X[:, 0] - 1 - self.at) < h / 2))])
+
+
+def simulator(
+    solver: Solver, bar: Bar, material: Material, fracture: Fracture, speed: float, stretch: float, frames: int
+) -> Simulator:
+    """The bar pulled at `speed`, a fraction of the wave speed, to a nominal stretch; faces of the grips on nodes."""
+    h, v = solver.h, speed * np.sqrt(material.E / material.density)
+    duration = (stretch - 1) * bar.gauge / (2 * v)
+    loading = Loading(offset=bar.gauge / 2 + h * HELD / 2, thickness=HELD * h, speed=v, grips="sliding")
+    scene = Scene(material=material, fracture=fracture, loading=loading, solver=solver, backend=Backend(threads=1),
+                  capture=Capture(frames=frames, fps=(frames - 1) / duration))  # fmt: skip
+    return Simulator(scene, particles(bar.points(solver), solver.spacing))
+
+
+def until_parted(simulator: Simulator) -> Array | None:
+    """Run until the bar has parted or time is up; rest positions of the particles that failed first, (n, 3) [m]."""
+    first = None
+    for frame in simulator.frames():
+        if first is None and frame.failed.any():
+            first = simulator.particles.X[frame.failed].astype(float)
+        if simulator.report.parted:
+            break
+    return first
+
+
+def at_peak(simulator: Simulator) -> tuple[float, float]:
+    """Nominal stretch and load [N] where the load is largest; the load of a frame is its mean since the one before."""
+    history = simulator.report.history
+    k = int(np.argmax(history.load))
+    return (history.nominal_stretch[k] + history.nominal_stretch[k - 1]) / 2, history.load[k]
+
+
+def at_break(simulator: Simulator) -> float:
+    """Nominal stretch at which the bar parted by damage, or NaN."""
+    frame = simulator.report.break_frame
+    return float("nan") if frame is None else simulator.report.history.nominal_stretch[frame]
