@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from fracsim.bench import memory, pareto, splatting, startup, substep
+from fracsim.bench import memory, mesh, pareto, splatting, startup, substep, thresholds
 from fracsim.bench.plan import FULL, QUICK, Plan
 from fracsim.bench.record import Row, machine, table, write
 
@@ -17,7 +17,11 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
-STUDIES: dict[str, Callable[[Path, bool], Iterator[Row]]] = {"pareto": pareto.study}
+STUDIES: dict[str, Callable[[Path, bool], Iterator[Row]]] = {
+    "pareto": pareto.study,
+    "thresholds": thresholds.study,
+    "mesh": mesh.study,
+}
 """What takes minutes and is run only when it is named; each writes a picture too."""
 FOLDER = Path("docs/benchmarks")
 

@@ -67,11 +67,15 @@ def scene(solver: Solver, material: Material, X: Array) -> Scene:
 
 
 class Stage(State):
-    """A state at rest whose nodes and particles at x <= -wall [m from the centre] are held, and no others."""
+    """A state at rest whose nodes and particles at x <= -wall [m from the centre] are held, and no others.
+
+    Body forces are `put(state, force=...)` [m/s^2]; they stay until they are put anew.
+    """
 
     def __init__(self, scene: Scene, body: Particles, wall: float = math.inf) -> None:
         self.wall = wall
-        super().__init__(scene, body)
+        super().__init__(scene, body, forces=True)
+        self.force.from_numpy(np.zeros((self.n, 3), self.dtype))
         self.V.from_numpy(np.zeros((self.n, 3), self.dtype))
         self.label.from_numpy(slot.FREE - self._held(self.X0).astype(np.int32))
 
@@ -109,6 +113,14 @@ def put(state: State, **values: ArrayLike) -> None:
         array = getattr(state, name)
         shape = array.to_numpy().shape
         array.from_numpy(np.ascontiguousarray(np.broadcast_to(value, shape).astype(state.dtype)))
+
+
+def slow(state: State, keep: float) -> None:
+    """Leave particles and nodes this part of their velocity."""
+    put(state, V=keep * state.V.to_numpy())
+    nodes = state.velocity.to_numpy()
+    nodes[:, :3] *= keep
+    state.velocity.from_numpy(nodes)
 
 
 def substep(state: State) -> float:
@@ -183,6 +195,9 @@ def flat(state: State, axes: tuple[int, ...]) -> Hook:
                 if values.ndim == 3:
                     values[:, :, k] = rest[k] if name == "F" else 0
             array.from_numpy(values)
+        nodes = state.velocity.to_numpy()
+        nodes[:, list(axes)] = 0
+        state.velocity.from_numpy(nodes)
 
     return flatten
 

@@ -77,7 +77,7 @@ def error(setting: Setting, cells: int, courant: float | None = None) -> float:
     state, X, ghosts, own = octant(setting, cells, courant)
 
     def before(t: float, dt: float) -> None:
-        put(state, V=state.V.to_numpy() + dt * body_force(X, t))
+        put(state, force=body_force(X, t))
         ghosts(state)
 
     end = DURATION * 2 / WAVE

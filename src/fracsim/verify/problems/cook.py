@@ -12,7 +12,7 @@ from fracsim.mpm.layout import order
 from fracsim.records import Array
 from fracsim.verify.elements import sheared
 from fracsim.verify.problem import Check, Setting, relative, told
-from fracsim.verify.stage import Stage, advance, flat, masses, particles, put, scene
+from fracsim.verify.stage import Stage, advance, flat, masses, particles, put, scene, slow
 from fracsim.vocab import Material
 
 CORNERS = np.array([[0.0, 0.0], [0.48, 0.44], [0.48, 0.60], [0.0, 0.44]])
@@ -59,9 +59,10 @@ def settle(state: Stage) -> float:
     rate, flatten = 4 * np.pi / SLOWEST, flat(state, (2,))
 
     def before(t: float, dt: float) -> None:
-        put(state, V=state.V.to_numpy() * np.exp(-rate * dt) + dt * pull)
+        slow(state, np.exp(-rate * dt))
         flatten(t, dt)
 
+    put(state, force=pull)
     advance(state, 2 * SLOWEST, before=before)
     return float(state.U.to_numpy()[tip, 1].mean())
 

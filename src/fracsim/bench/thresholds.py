@@ -1,0 +1,64 @@
+"""When a uniform bar breaks against lambda_crit: what thresholds decide in `total`, and the grid in `updated`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fracsim import backend
+from fracsim.bench.record import Row
+from fracsim.uniaxial import bar
+from fracsim.verify.pull import Bar, simulator, until_parted
+from fracsim.vocab import Backend, Fracture, Material, Solver
+
+CLASSES = {
+    "low stretch": (Material(law="fixed_corotated", E=6e3, nu=0.25), 0.8, (1.6, 2.0, 2.3, 2.6, 3.0, 3.3)),
+    "high stretch": (Material(law="neo_hookean", E=2e4, nu=0.45), 0.4, (1.6, 2.0, 2.4, 2.8, 3.0, 3.3, 3.6)),
+}
+"""Material, lambda_crit - lambda_onset, and lambda_crit of each bar."""
+CELLS, SPEED = 50, 0.03
+"""Cells along 2 m; speed of each grip over the wave speed."""
+COLOURS = {"total": "#31688e", "updated": "#b5323c"}
+
+
+def breaks(formulation: str, material: Material, fracture: Fracture) -> tuple[float, float, bool]:
+    """Nominal stretch at which the bar parts, that of the closed form, and whether the grid tore it."""
+    solver = Solver(cells=CELLS, formulation=formulation, damping="none")
+    sides = 4 * solver.h
+    pulled = simulator(solver, Bar(16 * solver.h, sides, sides), material, fracture, SPEED, fracture.crit + 0.3, 150)
+    until_parted(pulled)
+    report = pulled.report
+    frame = report.break_frame if report.break_frame is not None else report.torn_frame
+    at = float("nan") if frame is None else report.history.nominal_stretch[frame]
+    return at, bar(pulled.scene).breaks_at, report.torn_frame is not None
+
+
+def study(out: Path, quick: bool) -> Iterator[Row]:
+    """Both classes and both formulations; writes thresholds.png to `out`."""
+    backend.start(Backend(threads=1))
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, (name, (material, width, crits)) in zip(figure.subplots(1, 2), CLASSES.items(), strict=True):
+        chosen = crits[1:3] if quick else crits
+        lines: dict[str, list[tuple[float, float, bool]]] = {}
+        for form in COLOURS:
+            lines[form] = [breaks(form, material, Fracture(onset=max(c - width, 1.0), crit=c)) for c in chosen]
+            for crit, (at, exact, torn) in zip(chosen, lines[form], strict=True):
+                how = "torn by the grid" if torn else "by damage"
+                yield Row(f"{name}, {form}", f"crit {crit}: breaks at a nominal stretch of ({how})", at, "1")
+                yield Row(f"{name}, {form}", f"crit {crit}: over the closed form, {exact:.3f}", at / exact, "1")
+        axes.plot(chosen, [exact for _, exact, _ in lines["total"]], color="#707070", label="closed form")
+        for form, colour in COLOURS.items():
+            for torn, mark in ((False, "o"), (True, "x")):
+                mine = [(c, at) for c, (at, _, t) in zip(chosen, lines[form], strict=True) if t == torn]
+                label = form + (", torn by the grid" if torn else "")
+                if mine:
+                    axes.plot(*np.transpose(mine), mark, color=colour, label=label)
+        axes.set(title=f"{name}: onset = crit - {width:g}", xlabel="lambda_crit",
+                 ylabel="nominal stretch at which the bar parts")  # fmt: skip
+        axes.grid(alpha=0.2)
+        axes.legend(fontsize=8)
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "thresholds.png", dpi=90, metadata={"Software": None})
