@@ -9,7 +9,8 @@ from rich.console import Console
 
 from fracsim.bench import memory, mesh, pareto, splatting, startup, substep, thresholds
 from fracsim.bench.plan import FULL, QUICK, Plan
-from fracsim.bench.record import Row, machine, table, write
+from fracsim.bench.record import Row, table, write
+from fracsim.machine import machine
 
 PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "substep": substep.rows,

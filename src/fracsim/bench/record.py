@@ -1,8 +1,6 @@
 """What was measured, as rows of a table and of a CSV file."""
 
 import csv
-import datetime
-import platform
 import re
 import statistics
 from collections.abc import Iterable, Sequence
@@ -11,9 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from fracsim import backend
-from fracsim.sample.provenance import provenance
-from fracsim.vocab import Backend
+from fracsim.machine import machine
 
 
 @dataclass(frozen=True)
@@ -56,30 +52,6 @@ def median(
     """The row of repeated measurements: their median, and the most favourable of them."""
     best = max(values) if least is not None else min(values)
     return Row(benchmark, variant, statistics.median(values), unit, most, least, best)
-
-
-def machine() -> dict[str, str]:
-    """The columns that are the same for all rows: hardware, versions, commit, date."""
-    made = provenance()
-    commit = (made["git_commit"] or "unknown")[:12] + ("+dirty" if made["git_dirty"] else "")
-    return {
-        "cpu": cpu(),
-        "cores": str(backend.threads(Backend())),
-        "python": made["python"],
-        "taichi": str(made["taichi"]),
-        "numpy": str(made["numpy"]),
-        "commit": commit,
-        "date": datetime.date.today().isoformat(),
-    }
-
-
-def cpu() -> str:
-    """The model of the processor as the system names it."""
-    try:
-        named = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text())
-    except OSError:
-        named = None
-    return named[1].strip() if named else platform.processor() or platform.machine()
 
 
 def write(rows: Iterable[Row], folder: Path, size: str) -> Path:

@@ -40,7 +40,7 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
              wide: Any) -> Any:  # fmt: skip
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, parameters, particles (X, U, V, C, F, D, volume, tag, anchor, force), strides (sx, sy, sz)
+    Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force), strides (sx, sy, sz)
     and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults. The other two
     run one substep: its number and whether to gather and to scatter stand in the place of n.
     """
@@ -60,7 +60,7 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
         return K[REACH] if ti.static(total) else K[REACH] + K[SPEED] * (K[TIME] + step * K[DT])
 
     @ti.kernel
-    def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar,
+    def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar,
                volume: Scalar, tag: Index, anchor: Vector, force: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32,
                blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
                shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
@@ -71,7 +71,7 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
                 if faults[0, 0] == 0:
                     for p in range(X.shape[0]):
                         particle(p, step, step > 0, step < n, 0 + shift[0], K,
-                                 ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
+                                 ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                                  ti.static(Ledger(0, books, faults, False)))  # fmt: skip
                     if step < n:
@@ -82,7 +82,7 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
 
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-                C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
+                C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
                 sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
                 index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
                 faults: Table):  # fmt: skip
@@ -91,7 +91,7 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
                 c, K = q // CHUNK, read(parameters)
                 for p in range(start[c], start[c + 1]):
                     particle(p, step, gathers == 1, scatters == 1, shift[c], K,
-                             ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
+                             ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                              ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                              ti.static(Ledger(c, books, faults, False)))  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
@@ -104,14 +104,14 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
 
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-            C: Matrix, F: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
+            C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
             sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
             index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
             faults: Table):  # fmt: skip
         for p in range(X.shape[0]):
             if faults[0, 0] == 0:
                 particle(p, step, gathers == 1, scatters == 1, shift[0], parameters,
-                         ti.static(Points(X, U, V, C, F, D, volume, tag, anchor, force)),
+                         ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
                          ti.static(Ledger(0, books, faults, True)))  # fmt: skip
         for i in range(index.shape[0]):

@@ -37,7 +37,7 @@ from fracsim.mpm.params import (
     H,
 )  # fmt: skip
 from fracsim.mpm.stress import force
-from fracsim.mpm.tensor import J_MIN, cofactor, volume_ratio
+from fracsim.mpm.tensor import J_MIN, cofactor, deformed, volume_ratio
 from fracsim.mpm.transfer import gather, kinetic, projection_loss, scatter
 from fracsim.registry import load
 
@@ -53,8 +53,8 @@ class Points(NamedTuple):
     """Velocities [m/s], (N,) vec3; up to date between calls, not between substeps."""
     C: Any
     """Affine velocities [1/s], (N,) mat3; as V."""
-    F: Any
-    """Deformation gradients, (N,) mat3."""
+    H: Any
+    """Displacement gradients F - I, (N,) mat3: what a short substep adds to F would be lost beside 1 in float32."""
     D: Any
     """Damage, (N,)."""
     volume: Any
@@ -100,12 +100,13 @@ def particle_function(
             if grip != 0:
                 v = hold(ledger, grip, K[ALPHA] * mass, v, K, grips)
         b.U[p] = b.U[p] + K[DT] * v
-        before = b.F[p]
-        F = before + K[DT] * (C if ti.static(total) else C @ before)
+        before = deformed(b.H[p])
+        rate = C if ti.static(total) else C @ before
         if ti.static(not total):
             if b.D[p] >= 1:  # what has failed keeps its stretch and only turns
-                F = before + (K[DT] / 2) * ((C - C.transpose()) @ before)
-        b.F[p] = F
+                rate = (C - C.transpose()) @ before / 2
+        b.H[p] = b.H[p] + K[DT] * rate
+        F = deformed(b.H[p])
         cof = cofactor(F)
         J = volume_ratio(F, cof)
         if b.tag[p] < EXEMPT and b.D[p] < 1:
@@ -142,7 +143,7 @@ def particle_function(
         if not ti.static(total) or b.D[p] < 1:
             base, f = locate(p, K, b)
             at = base[0] * g.sx + base[1] * g.sy + base[2]
-            v, C, F = b.V[p], b.C[p], b.F[p]
+            v, C, F = b.V[p], b.C[p], deformed(b.H[p])
             cof = cofactor(F)
             J = volume_ratio(F, cof)
             if gathers:

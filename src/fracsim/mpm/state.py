@@ -40,6 +40,22 @@ class Peaks:
     moved: float
 
 
+class Deformation:
+    """Deformation gradients F, (N, 3, 3), of which the device keeps F - I."""
+
+    def __init__(self, H: Any) -> None:
+        self._H = H
+
+    def to_numpy(self) -> Array:
+        """F, in the precision of the simulation."""
+        H: Array = self._H.to_numpy()
+        return H + np.eye(3, dtype=H.dtype)
+
+    def from_numpy(self, F: Array) -> None:
+        """Set F."""
+        self._H.from_numpy(F - np.eye(3, dtype=F.dtype))
+
+
 class State:
     """Particles (sorted by `Particles` order given) and grid of one simulation on the device."""
 
@@ -63,7 +79,7 @@ class State:
         """Make the particle arrays; grips move from the first instant on."""
         n, real = self.n, self.real
         self.X, self.U, self.V = (ti.Vector.ndarray(3, real, n) for _ in range(3))
-        self.C, self.F = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
+        self.C, self.H = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
         self.D, self.volume = (ti.ndarray(real, n) for _ in range(2))
         self.label = ti.ndarray(ti.i32, n)
         self.anchor = ti.Vector.ndarray(3, real, n)
@@ -73,7 +89,7 @@ class State:
         self.X.from_numpy(self.X0)
         self.volume.from_numpy(particles.volume.astype(self.dtype))
         self.label.from_numpy(self.tag)
-        self.F.from_numpy(np.tile(np.eye(3, dtype=self.dtype), (n, 1, 1)))
+        self.F = Deformation(self.H)
         load = self.scene.loading
         side = self.tag % slot.EXEMPT - slot.FREE
         self.V.from_numpy((side[:, None] * load.speed * np.asarray(load.axis)).astype(self.dtype))
@@ -154,7 +170,7 @@ class State:
         """Maxima that limit the next substeps."""
         self.parameters.from_numpy(self.K.astype(self.dtype))
         look = survey(self.scene.material.law, self.total, self.real)
-        look(self.parameters, self.U, self.V, self.C, self.F, self.D, self.anchor, self.start, self.peaks)
+        look(self.parameters, self.U, self.V, self.C, self.H, self.D, self.anchor, self.start, self.peaks)
         peaks = Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
         self.stiffness = peaks.stiffness
         return peaks
@@ -182,7 +198,7 @@ class State:
         kernel = substeps(s.material.law, s.fracture.law, self.total, damp.viscosity > 0, self.forces, s.loading.grips,
                           self.drive, self.real, self.wide)  # fmt: skip
         arrays = (
-            self.parameters, self.X, self.U, self.V, self.C, self.F, self.D, self.volume, self.label, self.anchor,
+            self.parameters, self.X, self.U, self.V, self.C, self.H, self.D, self.volume, self.label, self.anchor,
             self.force, *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner,
             self.source, self.shift, self.start, self.books, self.faults,
         )  # fmt: skip
@@ -204,7 +220,7 @@ class State:
     def observe(self) -> tuple[Array, Array, Array]:
         """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa], largest stretches (N,)."""
         m = self.scene.material
-        observe(m.law, self.real)(m.mu, m.lam, self.F, self.D, self.tau, self.scalars)
+        observe(m.law, self.real)(m.mu, m.lam, self.H, self.D, self.tau, self.scalars)
         energy, stretch = self.scalars.to_numpy().T
         return self.tau.to_numpy(), energy, stretch
 

@@ -8,7 +8,7 @@ import taichi as ti
 
 from fracsim.mpm.kernels import CHUNK, types
 from fracsim.mpm.params import FASTEST, LAM, MOVED, MU, PEAKS, RATE, STIFFNESS
-from fracsim.mpm.tensor import J_MIN, cofactor, principal_stretches, rotation, volume_ratio
+from fracsim.mpm.tensor import J_MIN, cofactor, deformed, principal_stretches, rotation, volume_ratio
 from fracsim.records import Array
 from fracsim.registry import load
 
@@ -17,16 +17,16 @@ from fracsim.registry import load
 def survey(law_name: str, total: bool, real: Any) -> Any:
     """The kernel `peaks[chunk, slot] = max over particles of` (stiffness bound, speed, rate, moved).
 
-    Arguments: parameters, U, V, C, F, D, displacements at the last layout, start, peaks.
+    Arguments: parameters, U, V, C, H = F - I, D, displacements at the last layout, start, peaks.
     """
     law = load("fracsim.constitutive", law_name, "material.law")
     Scalar, Vector, _, Matrix, Index, _ = types(real).values()
     Peaks = ti.types.ndarray(dtype=real, ndim=2)
 
     @ti.func
-    def inspect(p, K: ti.template(), U: ti.template(), V: ti.template(), C: ti.template(), F: ti.template(),
+    def inspect(p, K: ti.template(), U: ti.template(), V: ti.template(), C: ti.template(), H: ti.template(),
                 anchor: ti.template()):  # fmt: skip
-        l = principal_stretches(F[p])
+        l = principal_stretches(deformed(H[p]))
         J = ti.max(l[0] * l[1] * l[2], J_MIN)
         out = ti.Vector.zero(real, PEAKS)
         if ti.static(total):
@@ -39,7 +39,7 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
         return out
 
     @ti.kernel
-    def look(K: Scalar, U: Vector, V: Vector, C: Matrix, F: Matrix, D: Scalar, anchor: Vector, start: Index,
+    def look(K: Scalar, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar, anchor: Vector, start: Index,
              peaks: Peaks):  # fmt: skip
         for q in range(peaks.shape[0] * CHUNK):
             if q % CHUNK == 0:
@@ -47,7 +47,7 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
                 most = ti.Vector.zero(real, PEAKS)
                 for p in range(start[c], start[c + 1]):
                     if not ti.static(total) or D[p] < 1:
-                        most = ti.max(most, inspect(p, K, U, V, C, F, anchor))
+                        most = ti.max(most, inspect(p, K, U, V, C, H, anchor))
                 for k in ti.static(range(PEAKS)):
                     peaks[c, k] = most[k]
 
@@ -57,20 +57,21 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
 @cache
 def observe(law_name: str, real: Any) -> Any:
     """The kernel behind a frame: for all particles tau = (1 - d) P F^T (Eqs. 3 and 5) and, as columns of `scalars`,
-    the strain energy density (1 - d) psi [Pa] and the largest stretch. Arguments: mu, lam, F, D, tau, scalars.
+    the strain energy density (1 - d) psi [Pa] and the largest stretch. Arguments: mu, lam, H = F - I, D, tau, scalars.
     """
     law = load("fracsim.constitutive", law_name, "material.law")
     Scalar, _, _, Matrix, _, _ = types(real).values()
     Scalars = ti.types.ndarray(dtype=real, ndim=2)
 
     @ti.kernel
-    def evaluate(mu: real, lam: real, F: Matrix, D: Scalar, tau: Matrix, scalars: Scalars):
-        for p in range(F.shape[0]):
-            K = cofactor(F[p])
-            J = ti.max(volume_ratio(F[p], K), J_MIN)
-            tau[p] = (1 - D[p]) * (law.piola(F[p], K, J, mu, lam) @ F[p].transpose())
-            scalars[p, 0] = (1 - D[p]) * law.psi(F[p], mu, lam)
-            scalars[p, 1] = principal_stretches(F[p])[0]
+    def evaluate(mu: real, lam: real, H: Matrix, D: Scalar, tau: Matrix, scalars: Scalars):
+        for p in range(H.shape[0]):
+            F = deformed(H[p])
+            K = cofactor(F)
+            J = ti.max(volume_ratio(F, K), J_MIN)
+            tau[p] = (1 - D[p]) * (law.piola(F, K, J, mu, lam) @ F.transpose())
+            scalars[p, 0] = (1 - D[p]) * law.psi(F, mu, lam)
+            scalars[p, 1] = principal_stretches(F)[0]
 
     return evaluate
 

@@ -12,6 +12,14 @@ J_MIN = 0.05
 
 
 @ti.func
+def deformed(H):
+    """F = I + H."""
+    return ti.Matrix(
+        [[1 + H[0, 0], H[0, 1], H[0, 2]], [H[1, 0], 1 + H[1, 1], H[1, 2]], [H[2, 0], H[2, 1], 1 + H[2, 2]]]
+    )
+
+
+@ti.func
 def cofactor(F):
     """K = cof F = J F^-T, column by column."""
     a = ti.Vector([F[0, 0], F[1, 0], F[2, 0]])

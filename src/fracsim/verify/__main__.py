@@ -13,7 +13,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from fracsim import backend
-from fracsim.bench.record import machine
+from fracsim.machine import machine
 from fracsim.verify import plots, problem
 from fracsim.verify.problem import Check, Setting
 from fracsim.vocab import Backend
