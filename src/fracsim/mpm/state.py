@@ -49,7 +49,8 @@ class Deformation:
     def to_numpy(self) -> Array:
         """F, in the precision of the simulation."""
         H: Array = self._H.to_numpy()
-        return H + np.eye(3, dtype=H.dtype)
+        F: Array = H + np.eye(3, dtype=H.dtype)
+        return F
 
     def from_numpy(self, F: Array) -> None:
         """Set F."""
