@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-gpu check format bench figures clean
+.PHONY: help demo test test-gpu check format bench stress figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -44,6 +44,10 @@ format: $(VENV)/dev.stamp  ## format the code and sort imports
 
 bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes docs/benchmarks/*.csv
 	$(RUN) fracsim.bench
+
+stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and check what comes of them
+	$(RUN) fracsim.stress
+	$(RUN) fracsim.stress --blowup
 
 figures: $(VENV)/run.stamp  ## make the pictures of README anew
 	$(RUN) fracsim.gallery

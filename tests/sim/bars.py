@@ -4,61 +4,18 @@ from typing import Any
 
 import numpy as np
 
-from fracsim import Backend, Scene, Solver
-from fracsim.mpm import params as slot
-from fracsim.mpm.layout import Layout
+from fracsim import Backend, Scene
 from fracsim.mpm.state import State
 from fracsim.records import Array, Particles
-from fracsim.vocab import CENTRE
+from fracsim.stress.bodies import bar, lattice, particles
+from fracsim.stress.free import free, momentum
 
-
-def lattice(size: tuple[float, float, float], spacing: float, centre: tuple[float, float, float] = CENTRE) -> Array:
-    """Cell-centred lattice points of a box, (N, 3) float32."""
-    counts = [max(1, round(s / spacing)) for s in size]
-    axes = [c + spacing * (np.arange(n) - (n - 1) / 2) for c, n in zip(centre, counts, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
-
-
-def particles(X: Array, spacing: float) -> Particles:
-    """Particles of equal volume and grey colour."""
-    n = len(X)
-    covariance = np.tile(np.float32([1, 0, 0, 1, 0, 1]) * np.float32(0.36 * spacing**2), (n, 1))
-    return Particles(
-        X=X.astype(np.float32),
-        volume=np.full(n, spacing**3, np.float32),
-        covariance=covariance,
-        opacity=np.full(n, 0.95, np.float32),
-        sh=np.zeros((n, 1, 3), np.float32),
-        surface=np.zeros(n, bool),
-        spacing=spacing,
-    )
-
-
-def bar(solver: Solver, size: tuple[float, float, float] = (0.6, 0.2, 0.2)) -> Particles:
-    """A bar along x, filled at the solver's spacing."""
-    return particles(lattice(size, solver.spacing), solver.spacing)
+__all__ = ["angular_momentum", "bar", "driven", "free", "lattice", "momentum", "particles", "scene"]
 
 
 def scene(**sections: Any) -> Scene:
     """A scene on one thread."""
     return Scene(**{"backend": Backend(threads=1), **sections})
-
-
-class FreeState(State):
-    """A state whose nodes no grip holds."""
-
-    def _place_grid(self, grid: Layout, x: Array) -> None:
-        super()._place_grid(grid, x)
-        self.owner.fill(0)
-
-
-def free(scene: Scene, body: Particles) -> State:
-    """A state whose particles and nodes no grip holds, at rest."""
-    state = FreeState(scene, body)
-    state.K[slot.HALF] = -1.0
-    state.label.from_numpy(np.full(len(body), slot.FREE, np.int32))
-    state.V.from_numpy(np.zeros((len(body), 3), state.dtype))
-    return state
 
 
 def driven(scene: Scene, body: Particles, drive: str, chunks: int) -> State:
@@ -70,12 +27,6 @@ def driven(scene: Scene, body: Particles, drive: str, chunks: int) -> State:
             super()._allocate(particles)
 
     return Driven(scene, body)
-
-
-def momentum(state: State) -> Array:
-    """Total linear momentum [kg m/s]."""
-    m = state.scene.material.density * state.volume.to_numpy().astype(np.float64)
-    return (m[:, None] * state.V.to_numpy()).sum(axis=0)
 
 
 def angular_momentum(state: State) -> Array:
