@@ -24,8 +24,8 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fracsim.stress", description=__doc__)
     parser.add_argument("--scenes", type=int, default=500, metavar="N", help="how many are drawn (500)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="scene k of seed s is always the same (0)")
-    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER",
-                        help=f"journal and wrong scenes; what is in the journal is not run again ({FOLDER})")  # fmt: skip
+    out_help = f"journal and wrong scenes; what is in the journal is not run again ({FOLDER})"
+    parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=out_help)
     parser.add_argument("--only", metavar="CLASS", nargs="+", choices=list(FAMILIES), help=", ".join(FAMILIES))
     parser.add_argument("--replay", type=Path, metavar="FILE", help="run the scene of a file again and explain it")
     parser.add_argument("--blowup", action="store_true", help="find the substep that blows up, beside the bound")

@@ -85,7 +85,8 @@ class Case:
 def sensible(case: Case, scene: Scene) -> bool:
     """Whether a scene must run to its end: substeps chosen by the solver, a start at rest, grips slower than CALM of
     the wave speed sqrt(E / density) where it is slowest, a weight that the solid can bear, and a speed limit that the
-    recoil of a torn piece (some wave speeds) does not reach.
+    recoil of a torn piece (some wave speeds) does not reach. A decoupled solid, whose lam is its bulk modulus,
+    must resist a change of volume at all.
     """
     m, length = scene.material, max(case.body.counts) * scene.solver.spacing
     wave = math.sqrt(m.E / m.density)
@@ -96,6 +97,7 @@ def sensible(case: Case, scene: Scene) -> bool:
         and scene.loading.speed <= CALM * wave
         and weight <= LIGHT
         and scene.solver.max_speed >= 5 * wave
+        and (m.law != "neo_hookean_decoupled" or m.nu >= 0.05)
     )
 
 

@@ -61,12 +61,13 @@ class Draft:
     @property
     def wave(self) -> float:
         """Wave speed sqrt(E / density) [m/s]."""
-        return math.sqrt(float(self.get("material.E")) / float(self.get("material.density")))
+        E, density = float(self.get("material.E")), float(self.get("material.density"))
+        return math.sqrt(E / density)
 
     @property
     def spacing(self) -> float:
         """Distance of particles at rest [m]."""
-        return 2.0 / self.get("solver.cells") / float(self.get("solver.particles_per_axis"))
+        return 2.0 / (float(self.get("solver.cells")) * float(self.get("solver.particles_per_axis")))
 
     @property
     def length(self) -> float:

@@ -105,7 +105,7 @@ class Watch:
         along = (U @ np.asarray(load.axis)) * self.sim.side
         driven = held & (intact | (not s.total))
         # Each substep adds v dt to U, rounded: EPS / 2 of U a substep, in float32 a bias when v dt is tiny.
-        slack = (1e-6 + self.eps * self.sim.report.substeps) * due
+        slack = 1e-6 * due + self.eps * self.sim.report.substeps * float(np.abs(U[held]).max())
         if driven.any() and np.abs(along[driven] - due).max() > slack:
             off = np.abs(along[driven] - due).max()
             self.violated("grips", f"a grip is {off:g} m away from v t = {due:g} m at frame {frame.index}")
