@@ -9,9 +9,10 @@ fits. Of the others fit
 - *blow-up* (a particle faster than solver.max_speed or not finite, too many crushed particles, a stability bound that
   is not a number) and *flown off* (a particle that left the grid): scenes that are not `sensible`. That is, fixed dt at
   any value (the bound at rest promises nothing about a stretched state), a start away from rest, grips faster than the
-  solid's waves, a weight that crushes it. With solver.dt=auto a sensible scene must run to its end, unless it ends in
-  the same way at FINER of the substep: then the law is at fault. What was torn at a stretch above two can recoil into
-  its own grip so hard that it inverts, which a law of finite energy, as fixed_corotated, lets happen.
+  solid's waves, a weight that crushes it. With solver.dt=auto a sensible scene must run to its end.
+- *recoil*: too many crushed particles in a sensible scene whose strain energy density was once above what it takes to
+  crush the solid (to J = J_MIN, from which on stress no longer grows). A piece that is torn off recoils into its own
+  grip with that energy: fixed_corotated may then invert from a stretch of two on, whatever the substep.
 
 An error must also name a field, and end with a way out.
 """
@@ -22,8 +23,7 @@ from dataclasses import dataclass
 from fracsim.knob import describe
 from fracsim.vocab import Scene
 
-FINER = 1 / 8
-"""Part of solver.safety with which a sensible scene that blew up runs again."""
+CRUSHED, RECOIL = "blow-up: crushed", "recoil"
 FIELDS = re.compile("|".join(re.escape(name) for name, _, _ in describe(Scene)) + r"|field [xvFd]\b")
 WAY_OUT = re.compile(r"\b(use|choose|set|raise|lower|try)\b", re.IGNORECASE)
 
@@ -46,12 +46,9 @@ KINDS = (
     Kind("substep", r"solver\.dt=.* exceeds the stability bound", True),
     Kind("blow-up: speed", r"exceeds solver\.max_speed", False),
     Kind("blow-up: not finite", r"v is not finite|bound of solver\.dt=auto is not a number", False),
-    Kind("blow-up: crushed", r"inverted or crushed", False),
+    Kind(CRUSHED, r"inverted or crushed", False),
     Kind("flown off", r"left the grid|has flown off", False),
 )
-
-UNSTABLE = tuple(k.name for k in KINDS if not k.anywhere)
-"""Errors that only scenes which are not sensible may end by."""
 
 
 def kind(error: Exception) -> str:

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from fracsim.mpm import params as slot
+from fracsim.mpm.tensor import J_MIN
 from fracsim.mpm.timestep import MAX_RPIC
 from fracsim.records import Array, Frame
 from fracsim.report import History
@@ -24,8 +25,21 @@ SUMMED = 8.0
 """Round-off of a substep in units of EPS: a node sums 8 to 64 particles, each with rounded weights."""
 
 
+def crushing(simulator: Simulator) -> float:
+    """Strain energy density that presses the solid, held at its sides, to J_MIN [Pa]."""
+    s = simulator.state
+    F = s.F.to_numpy()
+    s.F.from_numpy(np.tile(np.diag([J_MIN, 1.0, 1.0]).astype(s.dtype), (s.n, 1, 1)))
+    density = float(s.observe()[1][0])
+    s.F.from_numpy(F)
+    return density
+
+
 class Watch:
-    """Looks at a run; what is violated is collected as sentences in `violations`, the first of each kind."""
+    """Looks at a run; what is violated is collected as sentences in `violations`, the first of each kind.
+
+    `densest` is the largest strain energy density of a frame [Pa], `crushing` that which crushes the solid.
+    """
 
     def __init__(self, simulator: Simulator) -> None:
         self.sim, self.scene = simulator, simulator.scene
@@ -37,7 +51,7 @@ class Watch:
         self._start = momentum(simulator.state)
         self._work: list[float] = []
         self._gross = self._loudest = 0.0
-        self._failed = 0
+        self.densest, self.crushing = 0.0, crushing(simulator)
         simulator.progress = self.round
 
     def violated(self, kind: str, told: str) -> None:
@@ -70,6 +84,7 @@ class Watch:
         self._books(frame)
         self._momentum(frame)
         self._energy(frame)
+        self.densest = max(self.densest, float(self.sim.state.observe()[1].max()))
         self._last_d = frame.d
 
     def _finite(self, frame: Frame) -> None:
@@ -130,8 +145,8 @@ class Watch:
         """Along the axis momentum changes by the impulses of grips and gravity. Decay and walls take it unbooked; in
         `total` a particle that fails takes its own along."""
         s, m, damped = self.sim.state, self.scene.material, self.scene.solver.damping != "none"
-        self._failed = int((frame.d >= 1).sum()) if s.total else 0
-        if (damped and m.decay > 0) or self.scene.solver.walls or self._failed:
+        failed = s.total and frame.failed.any()
+        if (damped and m.decay > 0) or self.scene.solver.walls or failed:
             return
         books, axis = s.booked(), np.asarray(self.scene.loading.axis)
         weight = float(self.mass.sum() * np.asarray(self.scene.loading.gravity) @ axis)

@@ -3,7 +3,6 @@
 import time
 import traceback
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import dataclass, field
 
 from fracsim import backend
@@ -13,7 +12,7 @@ from fracsim.stress import fitting
 from fracsim.stress.bodies import build
 from fracsim.stress.case import Case, sensible
 from fracsim.stress.invariants import Watch
-from fracsim.vocab import Backend, Scene, Solver
+from fracsim.vocab import Backend, Scene
 
 Onlooker = Callable[[Simulator, Frame, Watch], None]
 """Called after each frame."""
@@ -38,6 +37,8 @@ class Outcome:
     particles: int = 0
     substeps: int = 0
     parted: bool = False
+    energetic: bool = False
+    """Whether the strain energy density was ever enough to crush the solid."""
     seconds: float = 0.0
 
 
@@ -52,9 +53,9 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
     except (ValueError, SimulationError) as error:
         out.reason, out.error = fitting.kind(error), str(error)
         out.verdict = "refused"
-        if out.sensible and out.reason in fitting.UNSTABLE and _same_when_finer(case, out.reason):
-            out.reason, out.sensible = f"{out.reason} at any substep", False
-        out.wrong += fitting.unfit(error, out.sensible)
+        recoils = out.sensible and out.reason == fitting.CRUSHED and out.energetic
+        out.reason = fitting.RECOIL if recoils else out.reason
+        out.wrong += fitting.unfit(error, out.sensible and not recoils)
     except Exception as error:
         out.reason, out.error = type(error).__name__, traceback.format_exc(limit=-2)
         out.wrong.append(f"{type(error).__name__}: {error}")
@@ -62,19 +63,6 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
         out.verdict = "wrong"
     out.seconds = round(time.perf_counter() - begun, 3)
     return out
-
-
-def _same_when_finer(case: Case, reason: str) -> bool:
-    """Whether a smaller substep makes no difference to the end of a case."""
-    finer = deepcopy(case)
-    solver = finer.scene.setdefault("solver", {})
-    solver["safety"] = solver.get("safety", Solver().safety) * fitting.FINER
-    out = Outcome(family=case.family, seed=case.seed, number=case.number, verdict="finished")
-    try:
-        _simulate(finer, finer.resolve(), out, None)
-    except SimulationError as error:
-        return fitting.kind(error) == reason
-    return False
 
 
 def _simulate(case: Case, scene: Scene, out: Outcome, onlooker: Onlooker | None) -> None:
@@ -91,4 +79,5 @@ def _simulate(case: Case, scene: Scene, out: Outcome, onlooker: Onlooker | None)
                 onlooker(simulator, frame, watch)
     finally:
         out.substeps, out.parted = simulator.report.substeps, simulator.report.parted
+        out.energetic = watch.densest >= watch.crushing
         out.wrong += watch.violations
