@@ -1,5 +1,6 @@
 """The arrays of one simulation on the device, and the order of kernel launches."""
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,6 +53,7 @@ class State:
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
         self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
+        self.kept: list[Any] = []
         self._allocate(particles)
         self._fill_parameters()
         self.relayout(self.X0)
@@ -155,6 +157,24 @@ class State:
             return
         for step in range(n + 1):
             kernel(step, int(step > 0), int(step < n), *arrays)
+
+    def save(self) -> None:
+        """Keep what a run changes, for `restore`."""
+        if not self.kept:
+            self.kept = [deepcopy(array) for array in self._changing()]
+        for kept, array in zip(self.kept, self._changing(), strict=True):
+            kept.copy_from(array)
+
+    def restore(self) -> None:
+        """Undo what was run since `save`, a fault included (`updated`)."""
+        for kept, array in zip(self.kept, self._changing(), strict=True):
+            array.copy_from(kept)
+        self.faults.fill(0)
+        self.pad.fill(0)
+        self.relayout(self.X0 + self.U.to_numpy())
+
+    def _changing(self) -> tuple[Any, ...]:
+        return self.U, self.V, self.C, self.F, self.D, self.books
 
     def fault(self) -> tuple[int, int, int]:
         """Kind, particle and substep of the earliest fault; kind 0 when there is none."""
