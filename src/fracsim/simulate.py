@@ -100,8 +100,10 @@ class Simulator:
         return dt, n
 
     def _run(self, n: int, dt: float, t: float) -> int:
-        """Run n substeps; returns how many, fewer when in `updated` somebody would have left the nodes in use: where the
-        grid lets go, particles are suddenly as fast as the waves."""
+        """Run n substeps; returns how many, fewer when in `updated` somebody would have left the nodes in use.
+
+        Where the grid lets go, particles are suddenly as fast as the waves.
+        """
         if not self.state.total:
             self.state.save()
         self.state.run(n, dt, t)
