@@ -22,8 +22,8 @@ MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
 CHUNK = 4000
 """A second thread pays from this many particles on, a third from twice as many: starting a parallel loop costs time."""
-MAX_NODES = 2**26
-"""No grid larger than this is made (twice 1 GiB in float32)."""
+MAX_NODES = 2**25
+"""No grid larger than this is made: 1 GiB in float32, or 2 when it has grown, since Taichi keeps the smaller ones."""
 
 
 def reals(precision: str) -> tuple[Any, Any]:
@@ -54,6 +54,8 @@ class State:
         self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
         self.kept: list[Any] = []
+        self.velocity: Any = None
+        self.copies: Any = None
         self._allocate(particles)
         self._fill_parameters()
         self.relayout(self.X0)
@@ -124,11 +126,21 @@ class State:
             array.from_numpy(np.ascontiguousarray(values, np.int32))
             return array
 
-        self.velocity = ti.Vector.ndarray(4, self.real, grid.size)
-        self.copies = ti.Vector.ndarray(4, self.real, max(grid.copies, 1))
+        self.velocity = self._at_least(self.velocity, grid.size)
+        self.copies = self._at_least(self.copies, grid.copies)
         self.nodes, self.source = device(grid.nodes), device(grid.source)
         self.owner = device(owners(self.scene, x))
         self.shift, self.start = device(grid.shift), device(grid.start)
+
+    def _at_least(self, array: Any, size: int) -> Any:
+        """A device array of at least `size` nodes: this one, or a new one twice as large.
+
+        Taichi keeps the memory of arrays that are gone. What a substep leaves in an array is zero (`copies`) or written
+        before it is read.
+        """
+        if array is not None and array.shape[0] >= size:
+            return array
+        return ti.Vector.ndarray(4, self.real, max(size, 1 if array is None else min(2 * array.shape[0], MAX_NODES)))
 
     def survey(self) -> Peaks:
         """Maxima that limit the next substeps."""
@@ -169,8 +181,8 @@ class State:
         """Undo what was run since `save`, a fault included (`updated`)."""
         for kept, array in zip(self.kept, self._changing(), strict=True):
             array.copy_from(kept)
-        self.faults.fill(0)
-        self.pad.fill(0)
+        for array in (self.faults, self.pad, self.copies):
+            array.fill(0)
         self.relayout(self.X0 + self.U.to_numpy())
 
     def _changing(self) -> tuple[Any, ...]:
