@@ -15,6 +15,8 @@ from fracsim.stress.run import Outcome, run
 
 LIMIT = 120.0
 """Seconds after which a scene counts as hung; kernels may have to be compiled in them."""
+MEMORY = 8 * 2**30
+"""Bytes of addresses that a worker may use, so that a scene that wants more fails and not the machine."""
 JOURNAL = "results.jsonl"
 Run = Callable[[Case], Outcome]
 
@@ -66,12 +68,23 @@ class Worker:
 def _serve(pipe: Connection, task: Run) -> None:
     """The other end: run what comes; Ctrl-C is for the parent to obey."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _limit_memory()
     while True:
         try:
             case = pipe.recv()
         except EOFError:
             return
         pipe.send(task(case))
+
+
+def _limit_memory() -> None:
+    """Keep this process below MEMORY, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY if most < 0 else min(MEMORY, most), most))
 
 
 def numbers(scenes: int, only: Sequence[str]) -> list[int]:
