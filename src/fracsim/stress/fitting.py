@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from fracsim.knob import describe
 from fracsim.vocab import Scene
 
-CRUSHED, RECOIL = "blow-up: crushed", "recoil"
+BLOW_UP, CRUSHED, RECOIL = "blow-up", "blow-up: crushed", "recoil"
 FIELDS = re.compile("|".join(re.escape(name) for name, _, _ in describe(Scene)) + r"|field [xvFd]\b")
-WAY_OUT = re.compile(r"\b(use|choose|set|raise|lower|try)\b", re.IGNORECASE)
+WAY_OUT = re.compile(r"\b([Uu]se|[Cc]hoose|[Ss]et|[Rr]aise)\b")
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
         out.verdict = "refused"
         recoils = out.sensible and out.reason == fitting.CRUSHED and out.energetic
         out.reason = fitting.RECOIL if recoils else out.reason
+        if out.reason.startswith(fitting.BLOW_UP):  # on its way there energy grows, and the error says so
+            out.wrong = [told for told in out.wrong if not told.startswith("energy")]
         out.wrong += fitting.unfit(error, out.sensible and not recoils)
     except Exception as error:
         out.reason, out.error = type(error).__name__, traceback.format_exc(limit=-2)
