@@ -152,7 +152,7 @@ def test_which_error_fits() -> None:
     assert fitting.unfit(wordless, sensible=True) == [f"the error names no way out: {wordless}"]
     empty = ValueError("loading.offset=1: the lower grip holds no particle. Choose a smaller loading.offset.")
     assert fitting.unfit(empty, sensible=True) == []
-    assert len(fitting.unfit(ValueError("the lower grip holds no particle"), sensible=True)) == 1
+    assert len(fitting.unfit(ValueError("the lower grip holds no particle"), sensible=True)) == 2
     assert "no fitting error" in fitting.unfit(ValueError("material.E=0 is not allowed"), sensible=False)[0]
 
 
