@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-gpu check format bench verify figures clean
+.PHONY: help demo test test-gpu check format bench verify stress figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -47,6 +47,10 @@ bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes doc
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
 	$(RUN) fracsim.verify
+
+stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and check what comes of them
+	$(RUN) fracsim.stress
+	$(RUN) fracsim.stress --blowup
 
 figures: $(VENV)/run.stamp  ## make the pictures of README anew
 	$(RUN) fracsim.gallery

@@ -15,9 +15,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from fracsim import __main__, compose, configs, pipeline, sample
+from fracsim import Material, Scene, __main__, compose, configs, pipeline, sample
 from fracsim.asset import ply
+from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
+from fracsim.report import Report
+from fracsim.verify.stage import bar
 from tests.command import SMALL, fracsim_command, samples, start
 
 BLOW_UP = ("solver.dt=0.01", "solver.dt_override=true", "material=rubber")
@@ -281,3 +284,16 @@ def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, m
 def test_errors_that_hydra_words_in_several_lines_are_one() -> None:
     told = configs.explain(ValueError("first\n  second"), ["a=1"])
     assert told == "a=1 cannot be used: first second. See python -m fracsim --help."
+
+
+def test_a_particle_as_fast_as_the_waves_of_a_stiff_solid_is_no_sign_of_a_long_substep() -> None:
+    """E = 1e9 Pa, density 100: waves at 3.2 km/s; what recoils at 600 m/s is within the law."""
+    scene = Scene(material=Material(E=1e9, density=100))
+    body = bar(scene.solver, (0.6, 0.02, 0.02))
+    report = Report(scene, body, np.zeros(len(body), np.int32), [])
+    told = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([600.0, 0, 0]))
+    assert "v = 600 m/s exceeds solver.max_speed=500" in told
+    assert told.endswith("waves run at 3.16e+03 m/s: raise solver.max_speed.")
+    told = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([np.nan, 0, 0]))
+    assert "v is not finite" in told
+    assert "use solver.dt=auto" in told

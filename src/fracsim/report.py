@@ -185,7 +185,11 @@ class Report:
                 f"{where} left the grid (field x): it flew off, or the motion is larger than the grid. "
                 "Use solver.formulation=total, or fewer capture.frames."
             )
-        what = f"v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={self.scene.solver.max_speed:g}"
+        limit, material = self.scene.solver.max_speed, self.scene.material
+        what = f"v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={limit:g}"
+        wave = math.sqrt(material.E / material.density)
+        if np.isfinite(v).all() and wave > limit / 2 and self.scene.solver.dt == "auto":
+            return f"{where}: field {what}, but this material's waves run at {wave:.3g} m/s: raise solver.max_speed."
         return (
             f"{where}: field {what if np.isfinite(v).all() else 'v is not finite'}. The simulation is unstable, "
             "likely because the substep is too long: use solver.dt=auto or a smaller solver.safety."

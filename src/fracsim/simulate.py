@@ -78,7 +78,7 @@ class Simulator:
         while left > 1e-9 / fps:
             peaks = self.state.survey()
             dt, n = self._choose(peaks, left)
-            self.state.run(n, dt, t)
+            n = self._run(n, dt, t)
             t, left = t + n * dt, left - n * dt
             self.report.advanced(n, dt, t)
             self._check(k, self.report.substeps - n)
@@ -110,6 +110,20 @@ class Simulator:
         if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
         return dt, n
+
+    def _run(self, n: int, dt: float, t: float) -> int:
+        """Run n substeps; returns how many, fewer when in `updated` somebody would have left the nodes in use.
+
+        Where the grid lets go, particles are suddenly as fast as the waves.
+        """
+        if not self.state.total:
+            self.state.save()
+        self.state.run(n, dt, t)
+        while not self.state.total and n > 1 and self.state.fault()[0] == slot.GRID_FAULT:
+            n = max(1, n // 4)
+            self.state.restore()
+            self.state.run(n, dt, t)
+        return n
 
     def _follow(self) -> None:
         """In `updated`, lay the grid anew once somebody has moved a cell."""

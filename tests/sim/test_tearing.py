@@ -12,6 +12,8 @@ from fracsim.mpm.state import State
 from fracsim.records import Particles
 from fracsim.ride import Ride
 from fracsim.simulate import Simulator
+from fracsim.stress.bodies import Body
+from fracsim.stress.bodies import build as build_body
 from fracsim.verify import closed_form
 from fracsim.verify.problems import notch as notch_problem
 from fracsim.verify.problems import softening as softening_problem
@@ -197,3 +199,20 @@ def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
     state.split(label)
     state.run(1, 1e-9, 0.0)
     assert np.allclose(total(state), before, rtol=1e-6)
+
+
+def test_a_bar_that_the_grid_parts_recoils_onto_nodes_in_use() -> None:
+    """In `updated` a stiff bar snaps numerically within a few substeps, and particles fly at half the wave speed."""
+    solver = Solver(cells=44, formulation="updated")
+    s = scene(
+        material=Material(law="neo_hookean", E=3e5, nu=0.3, density=150),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(offset=0.127, thickness=0.05, speed=0.5),
+        solver=solver,
+        capture=Capture(frames=8, fps=16),
+    )
+    body = build_body(Body(counts=[16, 4, 5], shift=[0.4, -0.5, 0.1]), solver)
+    simulator = Simulator(s, body)
+    for _ in simulator.frames():  # used to end here: "left the grid (field x)"
+        pass
+    assert simulator.report.torn_frame is not None

@@ -7,6 +7,7 @@ import taichi as ti
 from fracsim import Material, Solver
 from fracsim.mpm.bspline import weights
 from fracsim.mpm.kernels import types
+from fracsim.mpm.state import State
 from fracsim.mpm.transfer import PAD, Grid, sum_in_registers, sum_on_pad
 
 from . import bars
@@ -52,3 +53,16 @@ def test_every_drive_gives_the_same_motion(formulation: str, viscosity: float) -
     assert np.abs(moved["serial"]).max() > 1e-3
     for drive in ("threads", "gpu"):
         assert np.allclose(moved[drive], moved["serial"], rtol=1e-9, atol=1e-12), drive
+
+
+def test_a_grid_laid_anew_takes_the_memory_of_the_last_one() -> None:
+    """Taichi keeps the memory of arrays that are gone: a falling object took more and more until it was killed."""
+    solver = Solver(formulation="updated", cells=40)
+    state = State(bars.scene(solver=solver), bars.bar(solver, (0.6, 0.2, 0.1)))
+    arrays = state.velocity, state.copies
+    for _ in range(3):
+        state.run(2, 1e-4, 0.0)
+        state.relayout(state.X0 + state.U.to_numpy())
+        assert (state.velocity, state.copies) == arrays
+    state.relayout(2 * state.X0)
+    assert state.velocity.shape[0] >= 2 * arrays[0].shape[0]

@@ -6,7 +6,13 @@ import pytest
 from fracsim import Fracture, Material, Scene, Solver
 from fracsim.uniaxial import bar, regularised
 
-from .test_tearing import SOFTENING
+# law, E, nu, onset, crit, stretch and nominal stress over E where (1 - d) P peaks
+SOFTENING = [
+    ("fixed_corotated", 2e3, 0.3, 1.5, 2.3, 1.6219, 0.45866),
+    ("fixed_corotated", 2e3, 0.3, 2.0, 3.0, 2.0, 0.83668),
+    ("neo_hookean", 2e4, 0.45, 2.6, 3.0, 2.6, 0.84209),
+    ("neo_hookean", 2e4, 0.49, 3.0, 3.3, 3.0, 0.96892),
+]
 
 
 def scene(law: str, E: float, nu: float, onset: float, crit: float, **extra: float) -> Scene:
@@ -14,9 +20,9 @@ def scene(law: str, E: float, nu: float, onset: float, crit: float, **extra: flo
                  solver=Solver(cells=100))  # fmt: skip
 
 
-@pytest.mark.parametrize(("law", "E", "nu", "onset", "crit", "speed", "stretch", "peak"), SOFTENING)
+@pytest.mark.parametrize(("law", "E", "nu", "onset", "crit", "stretch", "peak"), SOFTENING)
 def test_break_stretch_and_peak_of_the_softening_bar(
-    law: str, E: float, nu: float, onset: float, crit: float, speed: float, stretch: float, peak: float
+    law: str, E: float, nu: float, onset: float, crit: float, stretch: float, peak: float
 ) -> None:
     b = bar(scene(law, E, nu, onset, crit))
     assert b.breaks_at == pytest.approx(stretch, abs=(crit - 1) / 1000)

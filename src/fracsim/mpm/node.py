@@ -22,6 +22,10 @@ from fracsim.mpm.params import (
     LY,
     LZ,
     PROJECTED,
+    SPEED,
+    UX,
+    UY,
+    UZ,
     WALL,
     H,
 )  # fmt: skip
@@ -74,13 +78,16 @@ def node_function(total: bool, grips: str, real: Any) -> Any:
             if a.norm_sqr() > 0:
                 tally(ledger, GRAVITY_WORK, mass * K[DT] * a.dot(v + (K[DT] / 2) * a))
                 v += K[DT] * a
-            if K[KEEP] < 1:
-                tally(ledger, DECAYED, mass * v.dot(v) / 2 * (1 - K[KEEP] ** 2))
-                v *= K[KEEP]
+            driven = ti.Vector.zero(real, 3)
             if ti.static(grips != "soft"):  # at rest it is known who holds a node; later the grips have moved on
                 grip = n.owner[q] if ti.static(total) else grip_of_node(place(i, g, K), middle, K)
                 if grip != 0:
                     v = hold(ledger, grip, mass, v, K, grips)
+                    driven = (grip * K[SPEED]) * ti.Vector([K[UX], K[UY], K[UZ]])
+            if K[KEEP] < 1:  # what a grip drives does not decay, or the load would lack that part of the force
+                free = v - driven
+                tally(ledger, DECAYED, mass * free.dot(free) / 2 * (1 - K[KEEP] ** 2))
+                v = driven + K[KEEP] * free
             if ti.static(not total):
                 x = place(i, g, K)
                 if K[WALL] > 0 and ti.max(ti.abs(x[0]), ti.abs(x[1]), ti.abs(x[2])) > K[WALL]:

@@ -1,5 +1,6 @@
 """The arrays of one simulation on the device, and the order of kernel launches."""
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +22,8 @@ MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
 CHUNK = 4000
 """A second thread pays from this many particles on, a third from twice as many: starting a parallel loop costs time."""
-MAX_NODES = 2**26
-"""No grid larger than this is made (twice 1 GiB in float32)."""
+MAX_NODES = 2**25
+"""No grid larger than this is made: 1 GiB in float32, or 2 when it has grown, since Taichi keeps the smaller ones."""
 
 
 def reals(precision: str) -> tuple[Any, Any]:
@@ -72,6 +73,9 @@ class State:
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
         self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
+        self.kept: list[Any] = []
+        self.velocity: Any = None
+        self.copies: Any = None
         self._allocate(particles)
         self._fill_parameters()
         self.relayout(self.X0)
@@ -149,7 +153,7 @@ class State:
         index += self.layout.lowest - old.lowest
         index[:, 0] += was[of] - moved[of]
         known = ((index >= 0) & (index < old.shape)).all(axis=1)  # others are near failed particles only
-        out = np.zeros((self.layout.size, 4), self.dtype)
+        out = np.zeros((self.velocity.shape[0], 4), self.dtype)
         out[self.layout.nodes[known]] = velocity[np.ravel_multi_index(tuple(index[known].T), old.shape)]
         self.velocity.from_numpy(out)
 
@@ -161,11 +165,21 @@ class State:
             array.from_numpy(np.ascontiguousarray(values, np.int32))
             return array
 
-        self.velocity = ti.Vector.ndarray(4, self.real, grid.size)
-        self.copies = ti.Vector.ndarray(4, self.real, max(grid.copies, 1))
+        self.velocity = self._at_least(self.velocity, grid.size)
+        self.copies = self._at_least(self.copies, grid.copies)
         self.nodes, self.source = device(grid.nodes), device(grid.source)
         self.owner = device(owners(self.scene, x))
         self.shift, self.start = device(grid.shift), device(grid.start)
+
+    def _at_least(self, array: Any, size: int) -> Any:
+        """A device array of at least `size` nodes: this one, or a new one twice as large.
+
+        Taichi keeps the memory of arrays that are gone. What a substep leaves in an array is zero (`copies`) or written
+        before it is read.
+        """
+        if array is not None and array.shape[0] >= size:
+            return array
+        return ti.Vector.ndarray(4, self.real, max(size, 1 if array is None else min(2 * array.shape[0], MAX_NODES)))
 
     def survey(self) -> Peaks:
         """Maxima that limit the next substeps."""
@@ -179,7 +193,7 @@ class State:
     def kinetic(self) -> float:
         """Kinetic energy of the nodes [J], or of the particles before nodes have moved for the first time."""
         if not self.fresh:
-            v = self.velocity.to_numpy().astype(np.float64)
+            v = self.velocity.to_numpy()[self.layout.nodes].astype(np.float64)
             return float((v[:, 3] * (v[:, :3] ** 2).sum(axis=1)).sum() / 2)
         mass = self.scene.material.density * self.volume.to_numpy().astype(np.float64)
         v, C = (a.to_numpy().astype(np.float64) for a in (self.V, self.C))
@@ -208,6 +222,24 @@ class State:
             return
         for step in range(n + 1):
             kernel(step, int(step > 0), int(step < n), *arrays)
+
+    def save(self) -> None:
+        """Keep what a run changes, for `restore`."""
+        if not self.kept:
+            self.kept = [deepcopy(array) for array in self._changing()]
+        for kept, array in zip(self.kept, self._changing(), strict=True):
+            kept.copy_from(array)
+
+    def restore(self) -> None:
+        """Undo what was run since `save`, a fault included (`updated`)."""
+        for kept, array in zip(self.kept, self._changing(), strict=True):
+            array.copy_from(kept)
+        for array in (self.faults, self.pad, self.copies):
+            array.fill(0)
+        self.relayout(self.X0 + self.U.to_numpy())
+
+    def _changing(self) -> tuple[Any, ...]:
+        return self.U, self.V, self.C, self.H, self.D, self.books
 
     def fault(self) -> tuple[int, int, int]:
         """Kind, particle and substep of the earliest fault; kind 0 when there is none."""
