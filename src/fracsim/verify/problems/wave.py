@@ -44,6 +44,6 @@ def run(setting: Setting) -> Iterator[Check]:
         target = 0.01 if cells == 100 else None
         yield relative(f"arrival at half height, {cells} cells", x / C, float(arrival), target, unit="s", axis="h",
                        at=LENGTH / cells)  # fmt: skip
-    plateau = s[(t > 0.8 * LENGTH / C) & (t < 1.3 * LENGTH / C)]
+    plateau = s[(t > 0.7 * LENGTH / C) & (t < 1.3 * LENGTH / C)]
     yield relative("plateau stress", height, float(plateau.mean()), 0.01, unit="Pa")
     yield told("overshoot / plateau", float(s.max() / height - 1))
