@@ -1,5 +1,6 @@
 """All scenes of a study, one after another, in a worker process that may crash or hang without ending the study."""
 
+import importlib.util
 import json
 import multiprocessing
 import signal
@@ -8,6 +9,7 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 from fracsim.stress.case import Case, write
 from fracsim.stress.draw import CYCLE, draw
@@ -19,6 +21,7 @@ MEMORY = 8 * 2**30
 """Bytes of addresses that a worker may use, so that a scene that wants more fails and not the machine."""
 JOURNAL = "results.jsonl"
 Run = Callable[[Case], Outcome]
+resource: Any = importlib.import_module("resource") if importlib.util.find_spec("resource") else None
 
 
 class Worker:
@@ -35,7 +38,10 @@ class Worker:
         pipe.send(case)
         try:
             if pipe.poll(self._limit):
-                out: Outcome = pipe.recv()
+                out: Outcome
+                out, stays = pipe.recv()
+                if not stays:
+                    self.stop()
                 return out
             reason = "hung"
             told = f"hung: no end within {self._limit:g} s"
@@ -66,7 +72,8 @@ class Worker:
 
 
 def _serve(pipe: Connection, task: Run) -> None:
-    """The other end: run what comes; Ctrl-C is for the parent to obey."""
+    """The other end: run what comes and say whether to go on, since Taichi gives no memory back. Ctrl-C is for the
+    parent to obey."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _limit_memory()
     while True:
@@ -74,14 +81,18 @@ def _serve(pipe: Connection, task: Run) -> None:
             case = pipe.recv()
         except EOFError:
             return
-        pipe.send(task(case))
+        out = task(case)
+        pipe.send((out, _used() < MEMORY / 4))
+
+
+def _used() -> int:
+    """Bytes that this process has used at most."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss if resource else 0
 
 
 def _limit_memory() -> None:
     """Keep this process below MEMORY, where the system can."""
-    try:
-        import resource
-    except ImportError:
+    if resource is None:
         return
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY if most < 0 else min(MEMORY, most), most))
