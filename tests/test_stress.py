@@ -23,6 +23,7 @@ from fracsim.stress.invariants import Watch
 from fracsim.stress.run import Outcome, run
 from fracsim.stress.study import JOURNAL, Worker, journal, numbers, study
 from fracsim.stress.table import lines, table
+from fracsim.verify import stage
 
 
 def test_a_case_depends_on_seed_and_number_alone() -> None:
@@ -73,7 +74,7 @@ def watched() -> tuple[Simulator, Watch, Frame]:
     scene = Scene(material=Material(law="neo_hookean", E=1e4), fracture=Fracture(onset=8, crit=9),
                   loading=Loading(offset=0.2, thickness=0.1), solver=Solver(cells=30, damping="none"),
                   backend=Backend(threads=1))  # fmt: skip
-    simulator = Simulator(scene, bodies.bar(scene.solver))
+    simulator = Simulator(scene, stage.bar(scene.solver))
     watch = Watch(simulator)
     frames = simulator.frames()
     watch.frame(next(frames))

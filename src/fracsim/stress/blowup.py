@@ -148,6 +148,7 @@ def _grows(state: State, F: Array, dt: float) -> bool:
     rng = np.random.default_rng(0)
     state.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
     state.V.from_numpy(np.zeros((state.n, 3)))
+    state.fresh = True  # nodes forget how they moved
     state.C.from_numpy(np.zeros((state.n, 3, 3)))
     state.U.from_numpy(np.zeros((state.n, 3)))
     state.D.from_numpy(np.zeros(state.n))
