@@ -172,6 +172,8 @@ class Simulator:
         if s.total:
             self._part()
         v, F, d = s.V.to_numpy(), s.F.to_numpy(), s.D.to_numpy()
+        if self.scene.loading.grips == "rigid":
+            v[held] = self.side[held, None] * self.scene.loading.speed * np.asarray(self.scene.loading.axis)
         tau, energy, stretch = s.observe()
         failed = d >= 1
         if s.total:

@@ -77,4 +77,12 @@ def hold(ledger: ti.template(), grip, mass, v, K: ti.template(), mode: ti.templa
         slot = PULL_HIGH
     tally(ledger, slot, mass * short)
     tally(ledger, GRIP_WORK, mass * short * grip * K[SPEED])
-    return v + short * u if ti.static(mode == "sliding") else (grip * K[SPEED]) * u
+    return led(grip, v, K, mode)
+
+
+@ti.func
+def led(grip, v, K: ti.template(), mode: ti.template()):
+    """The velocity with which a grip leads what would move with v."""
+    u = ti.Vector([K[UX], K[UY], K[UZ]])
+    along = grip * K[SPEED]
+    return v + (along - v.dot(u)) * u if ti.static(mode == "sliding") else along * u

@@ -7,7 +7,7 @@ import taichi as ti
 
 from fracsim.mpm.books import report_fault, tally
 from fracsim.mpm.bspline import stencil
-from fracsim.mpm.grips import hold
+from fracsim.mpm.grips import hold, led
 from fracsim.mpm.params import (
     ALPHA,
     CLAMPED,
@@ -96,10 +96,15 @@ def particle_function(
         mass = K[DENSITY] * b.volume[p]
         tally(ledger, PROJECTED, -projection_loss(K[ALPHA]) * mass * kinetic(v, C, K[H]))
         grip = b.tag[p] % EXEMPT - FREE
+        moves = v
         if ti.static(grips != "soft"):
             if grip != 0:
-                v = hold(ledger, grip, K[ALPHA] * mass, v, K, grips)
-        b.U[p] = b.U[p] + K[DT] * v
+                if ti.static(total):  # its nodes are held already
+                    moves = led(grip, v, K, grips)
+                else:
+                    v = hold(ledger, grip, mass, v, K, grips)
+                    moves = v
+        b.U[p] = b.U[p] + K[DT] * moves
         before = deformed(b.H[p])
         rate = C if ti.static(total) else C @ before
         if ti.static(not total):
