@@ -3,11 +3,12 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from rich.console import Console
 
-from fracsim.bench import memory, mesh, pareto, splatting, startup, substep, thresholds
+from fracsim.bench import memory, splatting, startup, substep
 from fracsim.bench.plan import FULL, QUICK, Plan
 from fracsim.bench.record import Row, table, write
 from fracsim.machine import machine
@@ -18,12 +19,8 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
-STUDIES: dict[str, Callable[[Path, bool], Iterator[Row]]] = {
-    "pareto": pareto.study,
-    "thresholds": thresholds.study,
-    "mesh": mesh.study,
-}
-"""What takes minutes and is run only when it is named; each writes a picture too."""
+STUDIES = ("pareto", "thresholds", "mesh", "skips")
+"""Modules that take minutes and are run only when they are named; their `study(out, quick)` may draw a picture too."""
 FOLDER = Path("docs/benchmarks")
 
 
@@ -38,6 +35,12 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
+def study(name: str) -> Callable[[Path, bool], Iterator[Row]]:
+    """The study of this name, which brings Taichi along."""
+    found: Callable[[Path, bool], Iterator[Row]] = import_module(f"fracsim.bench.{name}").study
+    return found
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Measure, print and store; a missed target is said in the table and is no error."""
     wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 132)
@@ -48,7 +51,7 @@ def main(words: Sequence[str] | None = None) -> int:
     for k, name in enumerate(names, 1):
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
         file = plan.name if name in PARTS else f"{name}_{plan.name}"
-        found = PARTS[name](plan) if name in PARTS else STUDIES[name](wanted.out, wanted.quick)
+        found = PARTS[name](plan) if name in PARTS else study(name)(wanted.out, wanted.quick)
         rows.setdefault(file, []).extend(row.without_target() if wanted.quick else row for row in found)
     for file, measured in rows.items():
         console.print(table(measured))

@@ -1,0 +1,173 @@
+"""What is skipped because a scene does not need it, each with and without; and what would not be worth skipping."""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from fracsim import backend
+from fracsim.asset.build import build
+from fracsim.bench.record import Row
+from fracsim.configs import compose
+from fracsim.film import Film
+from fracsim.mpm.kernels import types
+from fracsim.mpm.tensor import cofactor, max_stretch, principal_stretches, rotation
+from fracsim.records import Array
+from fracsim.render.camera import project
+from fracsim.simulate import Simulator
+
+SCENE = ("backend.threads=1", "capture.rgb=true")
+STILL = 1e-3
+"""A particle is at rest below this part of the grips' speed."""
+Matrices, Scalars = types(ti.f32)["matrix"], types(ti.f32)["scalar"]
+
+
+@ti.kernel
+def by_svd(F: Matrices, out: Scalars):
+    """|F - R|^2 with R from an SVD."""
+    ti.loop_config(serialize=True)
+    for p in range(F.shape[0]):
+        U, _s, V = ti.svd(F[p])
+        out[p] = (F[p] - U @ V.transpose()).norm_sqr()
+
+
+@ti.kernel
+def by_invariants(F: Matrices, out: Scalars):
+    """|F - R|^2 with R in closed form."""
+    ti.loop_config(serialize=True)
+    for p in range(F.shape[0]):
+        out[p] = (F[p] - rotation(F[p], cofactor(F[p]))).norm_sqr()
+
+
+@ti.kernel
+def stretch_always(F: Matrices, out: Scalars):
+    """The largest stretch of each particle."""
+    ti.loop_config(serialize=True)
+    for p in range(F.shape[0]):
+        out[p] = principal_stretches(F[p])[0]
+
+
+@ti.kernel
+def stretch_near_onset(F: Matrices, out: Scalars):
+    """The largest stretch where it can be beyond lambda_onset."""
+    ti.loop_config(serialize=True)
+    for p in range(F.shape[0]):
+        out[p] = max_stretch(F[p], F[p].determinant(), 1.5)
+
+
+def seconds(work: Callable[[], Any], repeats: int = 5) -> float:
+    """Median processor time after a first call [s]."""
+    work()
+    spent = []
+    for _ in range(repeats):
+        start = time.process_time()
+        work()
+        ti.sync()
+        spent.append(time.process_time() - start)
+    return float(np.median(spent))
+
+
+def pair(what: str, unit: str, without: float, skipped: float) -> Iterator[Row]:
+    """Two figures and their ratio."""
+    yield Row(what, "always", without, unit)
+    yield Row(what, "only where it is needed", skipped, unit)
+    yield Row(what, "ratio", without / skipped, "times")
+
+
+def tensors(n: int) -> Iterator[Row]:
+    """Rotation and largest stretch of n random F of which a tenth is beyond lambda_onset."""
+    rng = np.random.default_rng(0)
+    F = np.eye(3) + rng.normal(size=(n, 3, 3)) * np.where(rng.random(n) < 0.1, 0.4, 0.05)[:, None, None]
+    values, out = F.astype(np.float32), np.zeros(n, np.float32)
+    ns = {k.__name__: seconds(lambda k=k: k(values, out)) / n * 1e9  # type: ignore[misc]
+          for k in (by_svd, by_invariants, stretch_always, stretch_near_onset)}  # fmt: skip
+    yield from pair("R: an SVD", "ns/particle", ns["by_svd"], ns["by_invariants"])
+    yield from pair("largest stretch", "ns/particle", ns["stretch_always"], ns["stretch_near_onset"])
+
+
+def substeps(simulator: Simulator) -> Iterator[Row]:
+    """Nodes, the look at the stability bound, and failed particles."""
+    state, scene = simulator.state, simulator.scene
+    yield from pair("nodes a substep visits", "nodes", scene.solver.cells**3, len(state.layout.nodes))
+    one = seconds(lambda: state.run(16, 1e-5, 0.0)) / 16
+    yield Row("look at the stability bound", "part of a round of 16 substeps",
+              seconds(state.survey) / (16 * one), "1")  # fmt: skip
+    failed = np.zeros(state.n)
+    failed[: state.n // 3] = 1
+    state.D.from_numpy(failed.astype(np.float32))
+    yield from pair("a third of the particles failed", "s/substep", one, seconds(lambda: state.run(16, 1e-5, 0.0)) / 16)
+    state.D.from_numpy(np.zeros(state.n, np.float32))
+
+
+def pictures(simulator: Simulator) -> Iterator[Row]:
+    """Channels that are captured; and Gaussians behind opaque ones, which are composited until the light is gone."""
+    frame, particles = next(simulator.frames()), simulator.particles
+    spent = {}
+    for name, overrides in (("all", ()), ("damage", ("capture.rgb=false", "capture.maps=[damage]"))):
+        film = Film(compose(*SCENE, *overrides))
+        spent[name] = seconds(lambda film=film: film.shoot(frame, particles))  # type: ignore[misc]
+    yield from pair("RGB and four maps, or damage alone", "s/frame", spent["all"], spent["damage"])
+    film = Film(compose(*SCENE))
+    features = np.zeros((len(particles), film.channels), np.float32)
+
+    def splat(mask: Array) -> tuple[Array, Array, Array]:
+        assert film.splatter is not None
+        return film.splatter.render(frame.x[mask], particles.covariance[mask], frame.F[mask], particles.opacity[mask],
+                                    features[mask])  # fmt: skip
+
+    everything = np.ones(len(particles), bool)
+    median = splat(everything)[2]
+    xy, depth = project(film.view, frame.x)
+    column, row = np.clip(xy.astype(int), 0, np.array(median.shape[::-1]) - 1).T
+    near = depth < median[row, column] + 10 * particles.spacing
+    yield from pair("hidden Gaussians (not skipped, see docs)", "s/frame", seconds(lambda: splat(everything)),
+                    seconds(lambda: splat(near)))  # fmt: skip
+
+
+def objects() -> Iterator[Row]:
+    """An object prepared for each draw of a sweep, or once."""
+    scene = compose(*SCENE)
+    before = os.environ.get("FRACSIM_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["FRACSIM_CACHE"] = folder
+        start = time.process_time()
+        build(scene.asset, scene.solver.spacing, 0)
+        first = time.process_time() - start
+        again = seconds(lambda: build(scene.asset, scene.solver.spacing, 0), 2)
+    os.environ.pop("FRACSIM_CACHE")
+    if before is not None:
+        os.environ["FRACSIM_CACHE"] = before
+    yield from pair("object prepared", "s", first, again)
+
+
+def rest(quick: bool) -> Iterator[Row]:
+    """Substeps that `solver.until=settled` saves; particles at rest, whose blocks could sleep (not done, see docs)."""
+    common = ("quality=preview", "backend.threads=1", "asset=croissant", *(("capture.frames=4",) if quick else ()))
+    counts, still, moving = {}, 0, 0
+    for until in ("end", "settled"):
+        scene = compose(*common, f"solver.until={until}")
+        simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, 0))
+        for frame in simulator.frames():
+            if until == "end":
+                still += int((np.linalg.norm(frame.v, axis=1) < STILL * scene.loading.speed).sum())
+                moving += len(frame.v)
+        counts[until] = simulator.report.substeps
+    yield from pair("substeps of the croissant, solver.until=settled", "substeps", counts["end"], counts["settled"])
+    yield Row("particles at rest (blocks do not sleep)", "part of all, over all frames", still / moving, "1")
+
+
+def study(out: Path, quick: bool) -> Iterator[Row]:
+    """All of it on the default loaf."""
+    scene = compose(*SCENE, *(("solver.cells=40",) if quick else ()))
+    backend.start(scene.backend)
+    yield from tensors(2_000 if quick else 100_000)
+    simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, 0))
+    yield from pictures(simulator)
+    yield from substeps(simulator)
+    yield from objects()
+    yield from rest(quick)
