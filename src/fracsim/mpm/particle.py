@@ -100,6 +100,7 @@ def particle_function(law_name: str, damage_name: str, total: bool, viscous: boo
             suffer(p, F, K, b, ledger)
         if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
             report_fault(ledger, SPEED_FAULT, p, step)
+            b.V[p] = v  # for the message
         return v, C
 
     @ti.func
