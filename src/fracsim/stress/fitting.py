@@ -12,7 +12,8 @@ fits. Of the others fit
   solid's waves, a weight that crushes it. With solver.dt=auto a sensible scene must run to its end.
 - *recoil*: too many crushed particles in a sensible scene whose strain energy density was once above what it takes to
   crush the solid (to J = J_MIN, from which on stress no longer grows). A piece that is torn off recoils into its own
-  grip with that energy: fixed_corotated may then invert from a stretch of two on, whatever the substep.
+  grip with that energy: fixed_corotated may invert from a stretch of two on. It is listed, not wrong; a smaller
+  substep or damping may still save such a run, by what they take of the energy.
 
 An error must also name a field, and end with a way out.
 """
