@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
 from fracsim.simulate import SimulationError, Simulator
@@ -68,6 +69,19 @@ def test_blow_up_stops_the_run_and_names_the_particle() -> None:
     s.capture = Capture(frames=60)
     with pytest.raises(SimulationError, match=r"frame \d+.*(field v|field F)"):
         list(Simulator(s, bar(s.solver)).frames())
+
+
+def test_a_particle_that_is_too_fast_keeps_the_speed_that_the_message_tells() -> None:
+    """Not the one at the last look, up to 16 substeps before, which here is none."""
+    s = setting(max_speed=1.0)
+    s.loading = Loading(offset=0.15, thickness=0.05, speed=0.5)
+    body = bar(s.solver)
+    state = free(s, body)
+    state.F.from_numpy(np.tile(np.diag([2.0, 1.0, 1.0]), (state.n, 1, 1)))
+    state.run(16, 1e-3, 0.0)
+    kind, p, _ = state.fault()
+    assert kind == slot.SPEED_FAULT
+    assert np.linalg.norm(state.V.to_numpy()[p]) > 1.0
 
 
 def test_physical_damping_does_not_depend_on_dt_and_the_papers_factors_do() -> None:

@@ -118,6 +118,7 @@ def particle_function(
             suffer(p, before, F, J, K, b, ledger)
         if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
             report_fault(ledger, SPEED_FAULT, p, step)
+            b.V[p] = v  # for the message
         return v, C, F, cof, J
 
     @ti.func

@@ -153,7 +153,8 @@ def _thresholds(d: Draft) -> None:
     d.set("fracture.onset", onset)
     d.set("fracture.crit", min(float(f"{onset + narrow:.8g}"), 10.0))
     if d.rng.random() < 0.08:
-        d.set("fracture.crit", onset)
+        d.set("fracture.crit", max(onset, 1.001))
+        d.set("fracture.onset", max(onset, 1.001))
     d.set("material.nu", d.uniform(0, 0.49))
 
 

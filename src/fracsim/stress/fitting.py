@@ -11,8 +11,9 @@ fits. Of the others fit
   any value (the bound at rest promises nothing about a stretched state), a start away from rest, grips faster than the
   solid's waves, a weight that crushes it. With solver.dt=auto a sensible scene must run to its end.
 - *recoil*: too many crushed particles in a sensible scene whose strain energy density was once above what it takes to
-  crush the solid (to J = J_MIN, from which on stress no longer grows). A piece that is torn off recoils into its own
-  grip with that energy: fixed_corotated may then invert from a stretch of two on, whatever the substep.
+  crush the solid (to J = J_MIN, from which on stress no longer grows), and which ends so with each of FINER of the
+  substep too. A piece that is torn off recoils into its own grip with that energy: fixed_corotated may invert from a
+  stretch of two on. One smaller substep that saves the scene makes it wrong.
 
 An error must also name a field, and end with a way out.
 """
@@ -24,6 +25,8 @@ from fracsim.knob import describe
 from fracsim.vocab import Scene
 
 BLOW_UP, CRUSHED, RECOIL = "blow-up", "blow-up: crushed", "recoil"
+FINER = (1 / 2, 1 / 4, 1 / 8)
+"""Parts of solver.safety at which a recoil must end in the same way."""
 FIELDS = re.compile("|".join(re.escape(name) for name, _, _ in describe(Scene)) + r"|field [xvFd]\b")
 WAY_OUT = re.compile(r"\b([Uu]se|[Cc]hoose|[Ss]et|[Rr]aise)\b")
 

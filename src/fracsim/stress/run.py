@@ -3,6 +3,7 @@
 import time
 import traceback
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field
 
 from fracsim import backend
@@ -12,7 +13,7 @@ from fracsim.stress import fitting
 from fracsim.stress.bodies import build
 from fracsim.stress.case import Case, sensible
 from fracsim.stress.invariants import Watch
-from fracsim.vocab import Backend, Scene
+from fracsim.vocab import Backend, Scene, Solver
 
 Onlooker = Callable[[Simulator, Frame, Watch], None]
 """Called after each frame."""
@@ -53,7 +54,7 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
     except (ValueError, SimulationError) as error:
         out.reason, out.error = fitting.kind(error), str(error)
         out.verdict = "refused"
-        recoils = out.sensible and out.reason == fitting.CRUSHED and out.energetic
+        recoils = out.sensible and out.reason == fitting.CRUSHED and out.energetic and _always_crushed(case)
         out.reason = fitting.RECOIL if recoils else out.reason
         if out.reason.startswith(fitting.BLOW_UP):  # on its way there energy grows, and the error says so
             out.wrong = [told for told in out.wrong if not told.startswith("energy")]
@@ -65,6 +66,22 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
         out.verdict = "wrong"
     out.seconds = round(time.perf_counter() - begun, 3)
     return out
+
+
+def _always_crushed(case: Case) -> bool:
+    """Whether a case ends with crushed particles at each of the smaller substeps too."""
+    for part in fitting.FINER:
+        finer = deepcopy(case)
+        solver = finer.scene.setdefault("solver", {})
+        solver["safety"] = part * solver.get("safety", Solver().safety)
+        out = Outcome(family=case.family, seed=case.seed, number=case.number, verdict="finished")
+        try:
+            _simulate(finer, finer.resolve(), out, None)
+        except SimulationError as error:
+            if fitting.kind(error) == fitting.CRUSHED:
+                continue
+        return False
+    return True
 
 
 def _simulate(case: Case, scene: Scene, out: Outcome, onlooker: Onlooker | None) -> None:
