@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-gpu check format bench verify stress figures clean
+.PHONY: help demo test test-gpu check format bench verify stress studies figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -44,6 +44,9 @@ format: $(VENV)/dev.stamp  ## format the code and sort imports
 
 bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes docs/benchmarks/*.csv
 	$(RUN) fracsim.bench
+
+studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: half an hour
+	$(RUN) fracsim.bench pareto published thresholds mesh skips
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
 	$(RUN) fracsim.verify

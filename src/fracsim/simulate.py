@@ -10,7 +10,7 @@ from fracsim.cohesion import Cohesion
 from fracsim.mpm import params as slot
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import MARGIN, Peaks, State
-from fracsim.mpm.timestep import GROWTH, limit, require_stable
+from fracsim.mpm.timestep import GROWTH, limit, require_stable, stable
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
@@ -99,6 +99,7 @@ class Simulator:
             self.dt = min(bound, self.dt * GROWTH**ROUND)
         else:
             self.dt = s.solver.dt
+            self._warn_of(stable(s, peaks.stiffness))
         if not self.dt > 0:
             raise SimulationError(
                 "the stability bound of solver.dt=auto is not a number (field F): the material has blown up. "
@@ -110,6 +111,14 @@ class Simulator:
         if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
         return dt, n
+
+    def _warn_of(self, bound: float) -> None:
+        """Say once that a fixed dt exceeds the bound of what is stretched by now."""
+        if self.dt > bound and not any("at the present stretch" in w for w in self.report.warnings):
+            self.report.warnings.append(
+                f"solver.dt={self.dt:g} s exceeds the stability bound at the present stretch, {bound:.3g} s, from "
+                f"frame {len(self.report.history.t)} on: use solver.dt=auto"
+            )
 
     def _run(self, n: int, dt: float, t: float) -> int:
         """Run n substeps; returns how many, fewer when in `updated` somebody would have left the nodes in use.

@@ -1,5 +1,7 @@
 """The stability bound, against the blow-up of an isolated particle and of a block."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,15 @@ def test_physical_damping_does_not_depend_on_dt_and_the_papers_factors_do() -> N
     s.solver.damping = "none"
     assert damping(s, DT0).viscosity == 0
     assert damping(s, DT0).keep == 1
+
+
+def test_a_fixed_dt_that_stretch_makes_too_long_is_told() -> None:
+    """Stable at rest, but the bound of a neo-Hookean solid falls as it gets thinner."""
+    s = setting()
+    s.solver.dt = 0.97 * stable_at_rest(s)
+    s.loading = Loading(offset=0.15, thickness=0.05, speed=2.0)
+    s.capture = Capture(frames=12)
+    simulator = Simulator(s, bar(s.solver))
+    with contextlib.suppress(SimulationError):
+        list(simulator.frames())
+    assert sum("exceeds the stability bound at the present stretch" in w for w in simulator.report.warnings) == 1
