@@ -18,11 +18,12 @@ from fracsim.settle import Rest
 from fracsim.uniaxial import bar, regularised
 from fracsim.vocab import CENTRE, Scene
 
-ROUND = 16
-"""Substeps between two looks at the stability bound."""
+ROUND, SHORT, STIFFER = 16, 4, 1.1
+"""Substeps between two looks at the stability bound; and after a round in which it fell as if by this factor of the
+stiffness, when something recoils."""
 RISKY = 1.2
 """Below this stretch the grid of `updated` does not tear anything."""
-MAX_CLAMPED = 1e-3
+MAX_CLAMPED = 1e-2
 """Fraction of particles whose J may be clamped in a substep before the run stops."""
 
 Progress = Callable[[int, float, float], None]
@@ -60,7 +61,7 @@ class Simulator:
         self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, self.side)
         self.rest = Rest(scene, self.side)
         self.fragment = np.zeros(len(self.particles), np.int64)
-        self.dt = math.inf
+        self.dt, self.round, self.stiffness = math.inf, ROUND, math.inf
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
@@ -96,7 +97,7 @@ class Simulator:
         s = self.scene
         if isinstance(s.solver.dt, str):
             bound = limit(s, peaks.stiffness, peaks.fastest, peaks.rate)
-            self.dt = min(bound, self.dt * GROWTH**ROUND)
+            self.dt = min(bound, self.dt * GROWTH**self.round)
         else:
             self.dt = s.solver.dt
             self._warn_of(stable(s, peaks.stiffness))
@@ -107,7 +108,9 @@ class Simulator:
             )
         steps = max(1, math.ceil(left / self.dt - 1e-6))
         dt = left / steps
-        n = math.ceil(steps / math.ceil(steps / ROUND))  # rounds of equal length, none of a single substep
+        self.round = SHORT if peaks.stiffness > STIFFER * self.stiffness else min(ROUND, 2 * self.round)
+        self.stiffness = peaks.stiffness
+        n = math.ceil(steps / math.ceil(steps / self.round))  # rounds of equal length, none of a single substep
         if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
         return dt, n

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from fracsim.vocab import DT0, H0, Scene
 
-ROTATION = 0.5
+ROTATION = 0.2
 """A particle may turn or stretch by at most this much in a substep: dt |C| <= ROTATION."""
 COURANT = 0.3
 """In `updated` a particle may cross at most this part of a cell in a substep."""
