@@ -10,7 +10,7 @@ from fracsim.cohesion import Cohesion
 from fracsim.mpm import params as slot
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import MARGIN, Peaks, State
-from fracsim.mpm.timestep import GROWTH, limit, require_stable, stable
+from fracsim.mpm.timestep import GROWTH, ROTATION, limit, require_stable, stable
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
@@ -130,11 +130,12 @@ class Simulator:
         """
         if not self.state.total:
             self.state.save()
-        self.state.run(n, dt, t)
+        turn = 2 * ROTATION if isinstance(self.scene.solver.dt, str) else math.inf
+        n = self.state.run(n, dt, t, turn)
         while not self.state.total and n > 1 and self.state.fault()[0] == slot.GRID_FAULT:
             n = max(1, n // 4)
             self.state.restore()
-            self.state.run(n, dt, t)
+            n = self.state.run(n, dt, t, turn)
         return n
 
     def _follow(self) -> None:

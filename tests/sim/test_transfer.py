@@ -66,3 +66,24 @@ def test_a_grid_laid_anew_takes_the_memory_of_the_last_one() -> None:
         assert (state.velocity, state.copies) == arrays
     state.relayout(2 * state.X0)
     assert state.velocity.shape[0] >= 2 * arrays[0].shape[0]
+
+
+@pytest.mark.parametrize(("drive", "chunks"), [("serial", 1), ("threads", 3), ("gpu", 1)])
+def test_a_call_stops_by_itself_where_a_substep_has_become_too_long(drive: str, chunks: int) -> None:
+    """What it then holds is what the same number of substeps gives: nobody is half a substep ahead."""
+    solver = Solver(cells=40, precision="float64")
+    scene = bars.scene(solver=solver, material=Material(E=1e4))
+    body = bars.bar(solver, (0.6, 0.2, 0.1))
+    V = np.random.default_rng(1).normal(size=(len(body), 3))
+
+    def moved(n: int, turn: float) -> tuple[int, np.ndarray]:
+        state = bars.driven(scene, body, drive, chunks)
+        state.V.from_numpy(V)
+        made = state.run(n, 5e-4, 0.0, turn)
+        arrays = (state.U, state.V, state.C, state.H, state.velocity)
+        return made, np.concatenate([a.to_numpy().ravel() for a in arrays])
+
+    made, early = moved(40, 1e-9)
+    assert made == 2  # the first one is too long, the one after it the last
+    assert np.allclose(early, moved(2, np.inf)[1], rtol=1e-12, atol=1e-15)
+    assert moved(40, 10.0)[0] == 40

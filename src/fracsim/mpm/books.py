@@ -13,6 +13,8 @@ class Ledger(NamedTuple):
     """Running sums, (rows, BOOKS)."""
     faults: Any
     """First fault of each row: kind, particle, substep, (rows, 3)."""
+    halt: Any
+    """The substep after which to stop, (rows,)."""
     atomic: bool
     """Whether others write to the same row."""
 
@@ -33,3 +35,9 @@ def report_fault(ledger: ti.template(), kind, p, step):
         ledger.faults[ledger.row, 0] = kind
         ledger.faults[ledger.row, 1] = p
         ledger.faults[ledger.row, 2] = step
+
+
+@ti.func
+def ask_to_halt(ledger: ti.template(), step):
+    """Let this substep be the last but the gathering that completes it."""
+    ti.atomic_min(ledger.halt[ledger.row], step)

@@ -41,8 +41,8 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
     Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force), strides (sx, sy, sz)
-    and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults. The other two
-    run one substep: its number and whether to gather and to scatter stand in the place of n.
+    and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults, halt. The other
+    two run one substep: its number and whether to gather and to scatter stand in the place of n.
     """
     particle = particle_function(law, damage, total, viscous, forced, grips, real)
     node = node_function(total, grips, real)
@@ -55,6 +55,14 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
         return ti.Vector([parameters[k] for k in ti.static(range(PARAMETERS))])
 
     @ti.func
+    def stop(halt: ti.template()):
+        """The substep after which somebody wants to stop; what one learns in this substep changes nothing in it."""
+        least = halt[0]
+        for c in range(1, halt.shape[0]):
+            least = ti.min(least, halt[c])
+        return least
+
+    @ti.func
     def middle(step, K: ti.template()):
         """Distance of the grips' middle planes from the centre at the end of a substep."""
         return K[REACH] if ti.static(total) else K[REACH] + K[SPEED] * (K[TIME] + step * K[DT])
@@ -63,61 +71,63 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
     def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar,
                volume: Scalar, tag: Index, anchor: Vector, force: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32,
                blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
-               shift: Index, start: Index, books: Books, faults: Table):  # fmt: skip
+               shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
             K = read(parameters)
             for step in range(n + 1):
-                if faults[0, 0] == 0:
+                more = step < n and step <= halt[0]
+                if faults[0, 0] == 0 and step - 1 <= halt[0]:
                     for p in range(X.shape[0]):
-                        particle(p, step, step > 0, step < n, 0 + shift[0], K,
+                        particle(p, step, step > 0, more, 0 + shift[0], K,
                                  ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                                 ti.static(Ledger(0, books, faults, False)))  # fmt: skip
-                    if step < n:
+                                 ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
+                    if more:
                         for q in range(index.shape[0]):
                             node(q, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                                 ti.static(Ledger(0, books, faults, False)))  # fmt: skip
+                                 ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
 
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
                 C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
                 sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
                 index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
-                faults: Table):  # fmt: skip
+                faults: Table, halt: Index):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
-            if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0:
-                c, K = q // CHUNK, read(parameters)
+            if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0 and step - 1 <= stop(halt):
+                c, K, more = q // CHUNK, read(parameters), scatters == 1 and step <= stop(halt)
                 for p in range(start[c], start[c + 1]):
-                    particle(p, step, gathers == 1, scatters == 1, shift[c], K,
+                    particle(p, step, gathers == 1, more, shift[c], K,
                              ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                              ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                             ti.static(Ledger(c, books, faults, False)))  # fmt: skip
+                             ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
-            if q % CHUNK == 0 and scatters == 1:
+            if q % CHUNK == 0 and scatters == 1 and step <= stop(halt):
                 c, chunks, K = q // CHUNK, shift.shape[0], read(parameters)
                 for i in range(c * index.shape[0] // chunks, (c + 1) * index.shape[0] // chunks):
                     node(i, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                         ti.static(Ledger(c, books, faults, False)))  # fmt: skip
+                         ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
 
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
             C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
             sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
             index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
-            faults: Table):  # fmt: skip
+            faults: Table, halt: Index):  # fmt: skip
         for p in range(X.shape[0]):
-            if faults[0, 0] == 0:
-                particle(p, step, gathers == 1, scatters == 1, shift[0], parameters,
+            if faults[0, 0] == 0 and step - 1 <= halt[0]:
+                more = scatters == 1 and step <= halt[0]
+                particle(p, step, gathers == 1, more, shift[0], parameters,
                          ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
-                         ti.static(Ledger(0, books, faults, True)))  # fmt: skip
+                         ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
         for i in range(index.shape[0]):
-            if scatters == 1:
+            if scatters == 1 and step <= halt[0]:
                 node(i, step, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),
                      ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
-                     ti.static(Ledger(0, books, faults, True)))  # fmt: skip
+                     ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
 
     return {"serial": serial, "threads": threads, "gpu": gpu}[drive]

@@ -5,10 +5,11 @@
 """Substep, time at its start, cell size, Lame parameters, density, thresholds, viscosity / 2, velocity kept."""
 (SPEED, UX, UY, UZ, REACH, HALF, GX, GY, GZ, MAX_SPEED) = range(10, 20)
 """Grip speed, tearing axis, distance of the grips' middle planes, half their thickness, gravity, speed limit."""
-(LX, LY, LZ, ROOM, WALL, RH, ETA_MAX, ALPHA, FRESH) = range(20, 29)
+(LX, LY, LZ, ROOM, WALL, RH, ETA_MAX, ALPHA, FRESH, TURN) = range(20, 30)
 """Lowest node of the box, how far a particle may move on it, distance of walls from the centre (0: none), 1 / h,
-largest viscosity / 2, projected part of the grid's velocity, and whether it is all of it in the first substep."""
-PARAMETERS = 29
+largest viscosity / 2, projected part of the grid's velocity, whether it is all of it in the first substep,
+square of the turn or stretch in a substep that ends the call."""
+PARAMETERS = 30
 
 # Books: running sums in SI units, one row a thread.
 (PULL_LOW, PULL_HIGH, GRIP_WORK, DECAYED, PROJECTED, VISCOUS, DAMAGED, RELEASED, CLAMPED, GRAVITY_WORK) = range(10)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from fracsim.mpm.books import report_fault, tally
+from fracsim.mpm.books import ask_to_halt, report_fault, tally
 from fracsim.mpm.bspline import stencil
 from fracsim.mpm.grips import hold, led
 from fracsim.mpm.params import (
@@ -33,6 +33,7 @@ from fracsim.mpm.params import (
     RH,
     ROOM,
     SPEED_FAULT,
+    TURN,
     VISCOUS,
     H,
 )  # fmt: skip
@@ -116,6 +117,8 @@ def particle_function(
         J = volume_ratio(F, cof)
         if b.tag[p] < EXEMPT and b.D[p] < 1:
             suffer(p, before, F, J, K, b, ledger)
+        if K[DT] * K[DT] * C.norm_sqr() > K[TURN]:
+            ask_to_halt(ledger, step)
         if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
             report_fault(ledger, SPEED_FAULT, p, step)
             b.V[p] = v  # for the message

@@ -1,5 +1,6 @@
 """The arrays of one simulation on the device, and the order of kernel launches."""
 
+import math
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -103,6 +104,7 @@ class State:
         self.books = ti.ndarray(self.wide, (self.chunks, slot.BOOKS))
         self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
         self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
+        self.halt = ti.ndarray(ti.i32, self.chunks)
 
     def _fill_parameters(self) -> None:
         """Constants of the scene; DT, TIME, ETA and KEEP follow at each call."""
@@ -200,13 +202,19 @@ class State:
         speed2 = (v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
         return float((mass * speed2).sum() / 2)
 
-    def run(self, n: int, dt: float, t: float) -> None:
-        """Advance by n substeps of length dt [s], from time t [s]."""
+    def run(self, n: int, dt: float, t: float, turn: float = math.inf) -> int:
+        """Advance by n substeps of length dt [s], from time t [s]; returns how many were made.
+
+        Those are fewer when a particle turned or stretched by more than `turn` in one of them: the one after it is the
+        last. No substep waits for the host to look.
+        """
         damp = damping(self.scene, dt)
         self.K[slot.DT], self.K[slot.TIME] = dt, t
         self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
         self.K[slot.ETA_MAX] = bearable(self.scene, dt, self.stiffness) / 2
         self.K[slot.ALPHA], self.K[slot.FRESH] = projection(self.scene, dt), float(self.fresh)
+        self.K[slot.TURN] = min(turn * turn, 1e30)
+        self.halt.from_numpy(np.full(self.chunks, n, np.int32))
         self.fresh = False
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
@@ -215,13 +223,14 @@ class State:
         arrays = (
             self.parameters, self.X, self.U, self.V, self.C, self.H, self.D, self.volume, self.label, self.anchor,
             self.force, *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner,
-            self.source, self.shift, self.start, self.books, self.faults,
+            self.source, self.shift, self.start, self.books, self.faults, self.halt,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)
-            return
-        for step in range(n + 1):
-            kernel(step, int(step > 0), int(step < n), *arrays)
+        else:
+            for step in range(n + 1):
+                kernel(step, int(step > 0), int(step < n), *arrays)
+        return min(n, int(self.halt.to_numpy().min()) + 1) if turn < math.inf else n
 
     def save(self) -> None:
         """Keep what a run changes, for `restore`."""
