@@ -61,8 +61,7 @@ class Draft:
     @property
     def wave(self) -> float:
         """Wave speed sqrt(E / density) [m/s]."""
-        E, density = float(self.get("material.E")), float(self.get("material.density"))
-        return math.sqrt(E / density)
+        return math.sqrt(float(self.get("material.E") / self.get("material.density")))
 
     @property
     def spacing(self) -> float:
