@@ -47,15 +47,16 @@ def main(words: Sequence[str] | None = None) -> int:
     plan = QUICK if wanted.quick else FULL
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
     names = wanted.names or list(PARTS)
+    parts = [name for name in names if name in PARTS]
     rows: dict[str, list[Row]] = {}
     for k, name in enumerate(names, 1):
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
         file = plan.name if name in PARTS else f"{name}_{plan.name}"
         found = PARTS[name](plan) if name in PARTS else study(name)(wanted.out, wanted.quick)
         rows.setdefault(file, []).extend(row.without_target() if wanted.quick else row for row in found)
-    for file, measured in rows.items():
-        console.print(table(measured))
-        console.print(f"stored in {write(measured, wanted.out, file)}", soft_wrap=True)
+        if name not in PARTS or name == parts[-1]:  # the parts share a file; a study is stored before the next begins
+            console.print(table(rows[file]))
+            console.print(f"stored in {write(rows[file], wanted.out, file)}", soft_wrap=True)
     return 0
 
 

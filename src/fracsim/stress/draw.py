@@ -61,8 +61,7 @@ class Draft:
     @property
     def wave(self) -> float:
         """Wave speed sqrt(E / density) [m/s]."""
-        E, density = float(self.get("material.E")), float(self.get("material.density"))
-        return math.sqrt(E / density)
+        return math.sqrt(float(self.get("material.E") / self.get("material.density")))
 
     @property
     def spacing(self) -> float:
@@ -181,8 +180,8 @@ def _damping(d: Draft) -> None:
 def _gravity(d: Draft) -> None:
     """Weight in any direction, up to what crushes the object."""
     g = d.choose(9.81, d.log(0.1, 1e3), 1e3)
-    direction = d.rng.normal(size=3)
-    d.set("loading.gravity", [float(f"{g * u / np.linalg.norm(direction):.6g}") for u in direction])
+    way = d.rng.normal(size=3)
+    d.set("loading.gravity", [float(f"{g * u / np.linalg.norm(way):.6g}") for u in way])
 
 
 def _resolution(d: Draft) -> None:
@@ -190,8 +189,7 @@ def _resolution(d: Draft) -> None:
     d.set("solver.cells", d.choose(8, 16, 150, 400, 2000))
     d.set("solver.particles_per_axis", d.choose(1.0, 1.5, 3.0, 3.7, 8.0))
     d.set("solver.precision", d.choose("float32", "float64"))
-    ppa = d.get("solver.particles_per_axis")
-    if ppa > 3:
+    if d.get("solver.particles_per_axis") > 3:
         d.counts((24, 40), (5, 8), (5, 8))
 
 
@@ -292,9 +290,8 @@ def _duration(d: Draft) -> None:
         d.set("solver.dt", float(f"{d.dt_factor * stable_at_rest(scene):.6g}"))
         scene.solver.dt = d.get("solver.dt")
     n, load = len(build(d.case.body, scene.solver)), scene.loading
-    dt = limit(scene, 3 * scene.material.lam + 2 * scene.material.mu, load.speed, 0.0)
-    if d.dt_factor:
-        dt = float(scene.solver.dt)
+    auto = limit(scene, 3 * scene.material.lam + 2 * scene.material.mu, load.speed, 0.0)
+    dt = float(scene.solver.dt) if d.dt_factor else auto
     part = 1.3 * (scene.fracture.crit - 1) * load.gauge / (2 * load.speed)
     steps = d.steps or min(max(part / dt, 30), max(COST / n, 30), 3000)
     fps = (d.get("capture.frames") - 1) / (steps * dt)
