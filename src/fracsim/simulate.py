@@ -208,6 +208,9 @@ class Simulator:
         if int((d >= 1).sum()) == int((self.fragment < 0).sum()):
             return
         label = self.cohesion.fragments(d >= 1)
+        if (label < 0).all():
+            self.fragment = label
+            return
         size = np.bincount(label[label >= 0])
         crumb = (label >= 0) & (size[label] < self.scene.solver.particles_per_axis**3) & (self.side == 0)
         if crumb.any():

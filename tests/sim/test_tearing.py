@@ -216,3 +216,19 @@ def test_a_bar_that_the_grid_parts_recoils_onto_nodes_in_use() -> None:
     for _ in simulator.frames():  # used to end here: "left the grid (field x)"
         pass
     assert simulator.report.torn_frame is not None
+
+
+def test_an_object_of_which_nothing_is_left_is_broken() -> None:
+    s = scene(
+        material=Material(law="neo_hookean", E=2e4, nu=0.3),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(offset=0.15, thickness=0.05),
+        solver=Solver(cells=30),
+        capture=Capture(frames=3),
+    )
+    simulator = Simulator(s, bar(s.solver))
+    frames = simulator.frames()
+    next(frames)
+    simulator.state.D.from_numpy(np.ones(simulator.state.n, np.float32))
+    assert [frame.failed.all() for frame in frames] == [True, True]
+    assert simulator.report.break_frame == 1
