@@ -40,6 +40,8 @@ def stable(scene: Scene, stiffness: float) -> float:
     With C' = (1 - r) C - dt 4 / (density h^2) P(F), F' = F + dt C' and stiffness M = |dP/dF| it is the root of
     dt^2 k + 2 b dt = 4, where k = 4 M / (density h^2) and b dt = r: h sqrt(density / M) sqrt(1 - r / 2).
     """
+    if stiffness == 0:  # nothing is left on the grid
+        return math.inf
     inertia = scene.material.density * scene.solver.h**2
     k = 4 * stiffness / inertia
     if scene.solver.damping == "none":
