@@ -14,6 +14,7 @@ from fracsim.bench.blocked import Blocked
 from fracsim.bench.plain import Plain
 from fracsim.bench.plan import FULL
 from fracsim.bench.record import Row, median, table, write
+from fracsim.bench.scenes import broken_at
 from fracsim.bench.worker import Worker
 from fracsim.vocab import CENTRE
 from tests.sim import bars
@@ -136,3 +137,17 @@ def test_ratios_are_taken_within_a_round():
     *_, gain, share = substep.summary(ns, 81_000)
     assert (gain.value, gain.met, share.met) == (9.0, "yes", "yes")
     assert share.value == pytest.approx(1 / 1.1)
+
+
+def test_the_break_is_found_behind_the_blow_of_the_grips():
+    """A blow of 9 N at the start, a pull up to 4 N that parts at frame 8: half of it at 0.85, between frames 8 and 9."""
+    load = np.array([0, 9, 1, 1, 2, 3, 3.5, 4, 3, 1, 0, 0])
+    at, peak = broken_at(np.arange(12) / 10, load, 8)
+    assert (at, peak) == (pytest.approx(0.85), 4)
+    assert broken_at(np.arange(12) / 10, load, None)[1] == 9
+
+
+def test_an_unknown_name_is_told_with_the_known_ones(capsys):
+    with pytest.raises(SystemExit):
+        main(["paretto"])
+    assert "NAME=paretto is not known: choose from substep," in capsys.readouterr().err

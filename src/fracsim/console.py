@@ -83,7 +83,9 @@ def _rows(scene: Scene, r: Mapping[str, Any], seconds: Mapping[str, float]) -> I
     what = Path(scene.asset.path).name or scene.asset.name
     yield "object", f"{what}, {r['particles']:,} particles, {scene.material.law}, {scene.solver.formulation}"
     yield "break", _break(scene, r)
-    yield "a uniform bar", f"would break at a nominal stretch of {r['uniform_bar_breaks_at']:.2f}"
+    crit = r["lambda_crit"]
+    changed = "" if crit == scene.fracture.crit else f", with the lambda_crit of these cells, {crit:.3g}"
+    yield "a uniform bar", f"would break at a nominal stretch of {r['uniform_bar_breaks_at']:.2f}{changed}"
     yield "largest stretch", f"{r['stretch_max']:.2f}"
     yield "damaged / failed", f"{100 * r['damaged']:.2f} % / {100 * r['failed']:.2f} % of the particles"
     yield "peak load", f"{r['peak_load']:.4g} N"

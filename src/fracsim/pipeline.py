@@ -9,7 +9,7 @@ from fracsim.asset.build import build
 from fracsim.film import Film
 from fracsim.records import Frame, Particles
 from fracsim.sample import Writer
-from fracsim.simulate import SimulationError, Simulator
+from fracsim.simulate import SimulationError, Simulator, ready
 from fracsim.stopwatch import Stopwatch
 from fracsim.vocab import Scene
 
@@ -26,6 +26,7 @@ def run(scene: Scene) -> Path:
         return done
     check_names(scene)
     backend.start(scene.backend)
+    ready(scene)
     watch = Stopwatch()
     film = Film(scene)
     with Writer(scene, film.size, film.describe(), scene.capture.maps, scene.capture.rgb) as writer:

@@ -9,7 +9,7 @@ from fracsim.asset.build import build
 from fracsim.film import Film
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import Report
-from fracsim.simulate import Simulator
+from fracsim.simulate import Simulator, ready
 from fracsim.vocab import Scene
 
 
@@ -21,6 +21,7 @@ class Run:
 
     def __init__(self, scene: Scene) -> None:
         backend.start(scene.backend)
+        ready(scene)
         self.scene = scene
         self._simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, scene.seed))
         self._film = Film(scene)

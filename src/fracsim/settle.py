@@ -27,6 +27,9 @@ class Rest:
     def look(self, v: Array, C: Array, failed: Array, fragment: Array) -> None:
         """Decide whether the intact particles with velocities v (N, 3) and gradients C (N, 3, 3) have settled."""
         load = self.scene.loading
+        if failed.all():
+            self.velocity = np.zeros_like(v)
+            return
         grip = np.zeros(fragment.max() + 1)
         held = (self.side != 0) & (fragment >= 0)
         np.add.at(grip, fragment[held], self.side[held])

@@ -18,13 +18,13 @@ from fracsim.settle import Rest
 from fracsim.uniaxial import bar, regularised
 from fracsim.vocab import CENTRE, Scene
 
-ROUND, SHORT, STIFFER = 16, 4, 1.1
-"""Substeps between two looks at the stability bound; and after a round in which it fell as if by this factor of the
-stiffness, when something recoils."""
+ROUND = 16
+"""Substeps between two looks at the stability bound, unless a particle turns or stretches too much before."""
 RISKY = 1.2
 """Below this stretch the grid of `updated` does not tear anything."""
 MAX_CLAMPED = 1e-2
-"""Fraction of particles whose J may be clamped in a substep before the run stops."""
+"""Fraction of particles whose J may be clamped in a substep before the run stops; the recoil of a torn piece may crush
+a few of them for a while."""
 
 Progress = Callable[[int, float, float], None]
 """Called with substeps done, present dt [s] and present time [s]."""
@@ -41,6 +41,15 @@ def sort(scene: Scene, particles: Particles) -> Particles:
     return replace(particles, **{name: getattr(particles, name)[by] for name in names})
 
 
+def ready(scene: Scene) -> tuple[Scene, list[str]]:
+    """The scene with the lambda_crit that its cells need, and warnings; needs Taichi, but no object.
+
+    Raises ValueError for a substep or a `fracture.length` that cannot be used.
+    """
+    warning = require_stable(scene)
+    return regularised(scene), [warning] if warning else []
+
+
 class Simulator:
     """Runs a scene: `for frame in Simulator(scene, particles).frames(): ...`.
 
@@ -49,11 +58,10 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene, particles: Particles, progress: Progress | None = None) -> None:
-        scene = regularised(scene)
+        scene, warnings = ready(scene)
         self.scene, self.particles = scene, sort(scene, particles)
-        warning = require_stable(scene)
         self.state = State(scene, self.particles)
-        self.report = Report(scene, self.particles, self.state.tag, [warning] if warning else [])
+        self.report = Report(scene, self.particles, self.state.tag, warnings)
         self.report.expected = bar(scene).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
         self.side = self.state.tag % slot.EXEMPT - slot.FREE
@@ -61,7 +69,7 @@ class Simulator:
         self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, self.side)
         self.rest = Rest(scene, self.side)
         self.fragment = np.zeros(len(self.particles), np.int64)
-        self.dt, self.round, self.stiffness = math.inf, ROUND, math.inf
+        self.dt = math.inf
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
@@ -97,7 +105,7 @@ class Simulator:
         s = self.scene
         if isinstance(s.solver.dt, str):
             bound = limit(s, peaks.stiffness, peaks.fastest, peaks.rate)
-            self.dt = min(bound, self.dt * GROWTH**self.round)
+            self.dt = min(bound, self.dt * GROWTH**ROUND)
         else:
             self.dt = s.solver.dt
             self._warn_of(stable(s, peaks.stiffness))
@@ -108,9 +116,7 @@ class Simulator:
             )
         steps = max(1, math.ceil(left / self.dt - 1e-6))
         dt = left / steps
-        self.round = SHORT if peaks.stiffness > STIFFER * self.stiffness else min(ROUND, 2 * self.round)
-        self.stiffness = peaks.stiffness
-        n = math.ceil(steps / math.ceil(steps / self.round))  # rounds of equal length, none of a single substep
+        n = math.ceil(steps / math.ceil(steps / ROUND))  # rounds of equal length, none of a single substep
         if not self.state.total and peaks.fastest > 0:  # nobody may leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * s.solver.h / (peaks.fastest * dt))))
         return dt, n

@@ -49,3 +49,13 @@ def test_what_holds_or_rings_does_not_settle() -> None:
 def test_updated_cannot_settle() -> None:
     with pytest.raises(ValueError, match=r"solver\.until=settled needs fragments"):
         Solver(formulation="updated", until="settled")
+
+
+def test_nothing_left_is_settled() -> None:
+    simulator = pulled("settled")
+    frames = simulator.frames()
+    next(frames)
+    simulator.state.D.from_numpy(np.ones(simulator.state.n, np.float32))
+    for _ in frames:
+        pass
+    assert simulator.report.settled_frame == 1

@@ -112,3 +112,12 @@ def test_a_fixed_dt_that_stretch_makes_too_long_is_told() -> None:
     with contextlib.suppress(SimulationError):
         list(simulator.frames())
     assert sum("exceeds the stability bound at the present stretch" in w for w in simulator.report.warnings) == 1
+
+
+def test_the_bound_sees_damage() -> None:
+    """(1 - d) of the stiffness: with d = 3/4 the substep may be twice as long."""
+    s = setting()
+    state = free(s, bar(s.solver))
+    whole = state.survey().stiffness
+    state.D.from_numpy(np.full(state.n, 0.75))
+    assert state.survey().stiffness == pytest.approx(whole / 4)

@@ -28,11 +28,14 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     """What the user wants."""
     parser = argparse.ArgumentParser(prog="python -m fracsim.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes: does it run? (no targets)")
-    names = [*PARTS, *STUDIES]
     told = f"what to measure: {', '.join(PARTS)} (all of them by default); {', '.join(STUDIES)} take minutes"
-    parser.add_argument("names", metavar="NAME", nargs="*", choices=[*names, []], help=told)
+    parser.add_argument("names", metavar="NAME", nargs="*", help=told)
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for the CSV file ({FOLDER})")
-    return parser.parse_args(words)
+    wanted = parser.parse_args(words)
+    for name in wanted.names:
+        if name not in (*PARTS, *STUDIES):
+            parser.error(f"NAME={name} is not known: choose from {', '.join([*PARTS, *STUDIES])}.")
+    return wanted
 
 
 def study(name: str) -> Callable[[Path, bool], Iterator[Row]]:
@@ -53,7 +56,16 @@ def main(words: Sequence[str] | None = None) -> int:
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
         file = plan.name if name in PARTS else f"{name}_{plan.name}"
         found = PARTS[name](plan) if name in PARTS else study(name)(wanted.out, wanted.quick)
-        rows.setdefault(file, []).extend(row.without_target() if wanted.quick else row for row in found)
+        rows.setdefault(file, [])
+        with console.status(name) as status:
+            try:
+                for row in found:
+                    status.update(f"{row.benchmark}: {row.variant}")
+                    rows[file].append(row.without_target() if wanted.quick else row)
+            except KeyboardInterrupt:
+                console.print(table(rows[file]))
+                console.print(f"interrupted: {name} is not stored; what was stored before stays", soft_wrap=True)
+                return 130
         if name not in PARTS or name == parts[-1]:  # the parts share a file; a study is stored before the next begins
             console.print(table(rows[file]))
             console.print(f"stored in {write(rows[file], wanted.out, file)}", soft_wrap=True)

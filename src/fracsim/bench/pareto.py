@@ -28,6 +28,7 @@ KNOBS = {
     "projection=0": ("solver.projection=0",),
     "projection=2": ("solver.projection=2",),
     "projection=every": ("solver.projection=every",),
+    "projection=every, safety=0.4": ("solver.projection=every", "solver.safety=0.4"),
     "precision=float64": ("solver.precision=float64",),
     "formulation=updated": ("solver=updated",),
     "updated, 4 particles": ("solver=updated", "solver.particles_per_axis=4"),

@@ -31,9 +31,9 @@ class Outcome:
     """Processor time of the simulation, object and kernels prepared."""
     substeps: int
     break_time: float
-    """When the load has fallen to half of its peak [s]; NaN when it has not."""
+    """When the load has fallen to half of its peak [s]; NaN when nothing parts."""
     peak: float
-    """Largest load [N]."""
+    """Largest load before that [N], not counting the blow with which the grips start."""
     failed: float
     """Fraction of failed particles at the end."""
     maps: Array
@@ -74,8 +74,10 @@ def run(scene: Scene) -> Outcome:
         pictures.append(np.concatenate([maps["stress"], maps["damage"]], axis=2).astype(np.float32))
     pictures += [pictures[-1]] * (scene.capture.frames - len(pictures))
     h = simulator.report.history
-    return Outcome(spent, simulator.report.substeps, half_peak(np.array(h.t), np.array(h.load)), max(h.load),
-                   h.failed[-1], np.array(pictures))  # fmt: skip
+    broken, peak = broken_at(
+        np.array(h.t), np.array(h.load), simulator.report.break_frame or simulator.report.torn_frame
+    )
+    return Outcome(spent, simulator.report.substeps, broken, peak, h.failed[-1], np.array(pictures))
 
 
 def compile_kernels(scene: Scene, particles: Any) -> None:
@@ -85,14 +87,21 @@ def compile_kernels(scene: Scene, particles: Any) -> None:
             return
 
 
-def half_peak(t: Array, load: Array) -> float:
-    """Time at which the load falls through half of its peak, linear between frames [s]; NaN when it does not."""
-    peak = int(load.argmax())
+def broken_at(t: Array, load: Array, parted: int | None) -> tuple[float, float]:
+    """When the load falls through half of its peak [s], linear between frames, and the peak [N].
+
+    The peak is that of the second half of the time up to the frame `parted`: the grips start with a blow whose load may
+    be larger. NaN and the peak of all frames when nothing parts.
+    """
+    if parted is None:
+        return float("nan"), float(load.max())
+    start = parted // 2
+    peak = start + int(load[start : parted + 1].argmax())
     below = np.flatnonzero(load[peak:] < load[peak] / 2)
     if not len(below):
-        return float("nan")
+        return float("nan"), float(load[peak])
     k = peak + int(below[0])
-    return float(np.interp(load[peak] / 2, load[[k, k - 1]], t[[k, k - 1]]))
+    return float(np.interp(load[peak] / 2, load[[k, k - 1]], t[[k, k - 1]])), float(load[peak])
 
 
 def scene(name: str, *overrides: str) -> Scene:

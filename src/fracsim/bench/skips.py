@@ -20,6 +20,8 @@ from fracsim.mpm.tensor import cofactor, max_stretch, principal_stretches, rotat
 from fracsim.records import Array
 from fracsim.render.camera import project
 from fracsim.simulate import Simulator
+from fracsim.verify.stage import driven, lattice, particles
+from fracsim.vocab import Scene, Solver
 
 SCENE = ("backend.threads=1", "capture.rgb=true")
 STILL = 1e-3
@@ -104,6 +106,19 @@ def substeps(simulator: Simulator) -> Iterator[Row]:
     state.D.from_numpy(np.zeros(state.n, np.float32))
 
 
+def launches() -> Iterator[Row]:
+    """What a substep costs when it has next to nothing to do."""
+    solver = Solver(cells=24)
+    body = particles(lattice((0.4, 0.1, 0.1), solver.spacing), solver.spacing)
+    for drive, chunks, name in (
+        ("threads", 2, "a launch a substep, two threads"),
+        ("serial", 1, "one launch, one thread"),
+    ):
+        state = driven(Scene(solver=solver), body, drive, chunks)
+        spent = seconds(lambda state=state: state.run(400, 1e-5, 0.0)) / 400  # type: ignore[misc]
+        yield Row(f"substep of {state.n} particles", name, 1e6 * spent, "us")
+
+
 def pictures(simulator: Simulator) -> Iterator[Row]:
     """Channels that are captured; and Gaussians behind opaque ones, which are composited until the light is gone."""
     frame, particles = next(simulator.frames()), simulator.particles
@@ -169,5 +184,6 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
     simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, 0))
     yield from pictures(simulator)
     yield from substeps(simulator)
+    yield from launches()
     yield from objects()
     yield from rest(quick)

@@ -1,6 +1,5 @@
 """When a uniform bar breaks against lambda_crit: what thresholds decide in `total`, and the grid in `updated`."""
 
-import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,17 +24,19 @@ CELLS, SPEED = 50, 0.03
 COLOURS = {"total": "#31688e", "updated": "#b5323c"}
 
 
-def breaks(formulation: str, material: Material, fracture: Fracture) -> tuple[float, float, bool]:
-    """Nominal stretch at which the bar parts, that of the closed form, and whether the grid tore it."""
+def breaks(formulation: str, material: Material, fracture: Fracture) -> tuple[float, float, str]:
+    """Nominal stretch at which the bar parts, that of the closed form, and what parted it."""
     solver = Solver(cells=CELLS, formulation=formulation, damping="none")
     sides = 4 * solver.h
     pulled = simulator(solver, Bar(16 * solver.h, sides, sides), material, fracture, SPEED, fracture.crit + 0.3, 150)
-    with contextlib.suppress(SimulationError):  # an undamped bar may crush itself once it has parted
+    report, exact = pulled.report, bar(pulled.scene).breaks_at
+    try:
         until_parted(pulled)
-    report = pulled.report
+    except SimulationError:  # nothing damps the recoil of what parts between two frames
+        return report.history.nominal_stretch[-1], exact, "crushed by its recoil"
     frame = report.break_frame if report.break_frame is not None else report.torn_frame
     at = float("nan") if frame is None else report.history.nominal_stretch[frame]
-    return at, bar(pulled.scene).breaks_at, report.torn_frame is not None
+    return at, exact, "damage" if report.torn_frame is None else "torn by the grid"
 
 
 def study(out: Path, quick: bool) -> Iterator[Row]:
@@ -45,18 +46,17 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
     FigureCanvasAgg(figure)
     for axes, (name, (material, width, crits)) in zip(figure.subplots(1, 2), CLASSES.items(), strict=True):
         chosen = crits[1:3] if quick else crits
-        lines: dict[str, list[tuple[float, float, bool]]] = {}
+        lines: dict[str, list[tuple[float, float, str]]] = {}
         for form in COLOURS:
             lines[form] = [breaks(form, material, Fracture(onset=max(c - width, 1.0), crit=c)) for c in chosen]
-            for crit, (at, exact, torn) in zip(chosen, lines[form], strict=True):
-                how = "torn by the grid" if torn else "by damage"
+            for crit, (at, exact, how) in zip(chosen, lines[form], strict=True):
                 yield Row(f"{name}, {form}", f"crit {crit}: breaks at a nominal stretch of ({how})", at, "1")
                 yield Row(f"{name}, {form}", f"crit {crit}: over the closed form, {exact:.3f}", at / exact, "1")
         axes.plot(chosen, [exact for _, exact, _ in lines["total"]], color="#707070", label="closed form")
         for form, colour in COLOURS.items():
-            for torn, mark in ((False, "o"), (True, "x")):
-                mine = [(c, at) for c, (at, _, t) in zip(chosen, lines[form], strict=True) if t == torn]
-                label = form + (", torn by the grid" if torn else "")
+            for how, mark in (("damage", "o"), ("torn by the grid", "x"), ("crushed by its recoil", "^")):
+                mine = [(c, at) for c, (at, _, why) in zip(chosen, lines[form], strict=True) if why == how]
+                label = f"{form}, {how}"
                 if mine:
                     axes.plot(*np.transpose(mine), mark, color=colour, label=label)
         axes.set(title=f"{name}: onset = crit - {width:g}", xlabel="lambda_crit",

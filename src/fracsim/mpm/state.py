@@ -244,7 +244,7 @@ class State:
         for kept, array in zip(self.kept, self._changing(), strict=True):
             array.copy_from(kept)
         for array in (self.faults, self.pad, self.copies):
-            array.fill(0)
+            array.from_numpy(np.zeros_like(array.to_numpy()))  # fill() would compile a kernel for each array
         self.relayout(self.X0 + self.U.to_numpy())
 
     def _changing(self) -> tuple[Any, ...]:

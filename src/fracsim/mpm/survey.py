@@ -24,15 +24,15 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
     Peaks = ti.types.ndarray(dtype=real, ndim=2)
 
     @ti.func
-    def inspect(p, K: ti.template(), U: ti.template(), V: ti.template(), C: ti.template(), H: ti.template(),
+    def inspect(p, d, K: ti.template(), U: ti.template(), V: ti.template(), C: ti.template(), H: ti.template(),
                 anchor: ti.template()):  # fmt: skip
         l = principal_stretches(deformed(H[p]))
         J = ti.max(l[0] * l[1] * l[2], J_MIN)
         out = ti.Vector.zero(real, PEAKS)
         if ti.static(total):
-            out[STIFFNESS] = law.bound_total(l, J, K[MU], K[LAM])
+            out[STIFFNESS] = (1 - d) * law.bound_total(l, J, K[MU], K[LAM])
         else:
-            out[STIFFNESS] = law.bound_updated(l, J, K[MU], K[LAM])
+            out[STIFFNESS] = (1 - d) * law.bound_updated(l, J, K[MU], K[LAM])
         out[FASTEST] = V[p].norm()
         out[RATE] = C[p].norm()
         out[MOVED] = ti.abs(U[p] - anchor[p]).max()
@@ -47,7 +47,7 @@ def survey(law_name: str, total: bool, real: Any) -> Any:
                 most = ti.Vector.zero(real, PEAKS)
                 for p in range(start[c], start[c + 1]):
                     if not ti.static(total) or D[p] < 1:
-                        most = ti.max(most, inspect(p, K, U, V, C, H, anchor))
+                        most = ti.max(most, inspect(p, D[p], K, U, V, C, H, anchor))
                 for k in ti.static(range(PEAKS)):
                     peaks[c, k] = most[k]
 

@@ -220,7 +220,8 @@ class Writer:
             from fracsim.sample.report import plot  # here, because matplotlib takes long to load
 
             fracture = self._scene.fracture
-            plot(history, report, self.folder / schema.REPORT, (fracture.onset, fracture.crit))
+            crit = report.get("lambda_crit", fracture.crit)  # not that of the scene where fracture.length changed it
+            plot(history, report, self.folder / schema.REPORT, (fracture.onset, crit))
         if self._strip is not None and self.frames:
             self._strip.encode(self.folder / schema.STRIP)
 

@@ -100,7 +100,13 @@ def main(words: Sequence[str] | None = None) -> int:
     wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 150)
     backend.start(Backend(threads=1))
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        rows = list(checks(wanted.only or problem.names(), settings(wanted), progress))
+        rows: list[Check] = []
+        try:
+            rows.extend(checks(wanted.only or problem.names(), settings(wanted), progress))
+        except KeyboardInterrupt:
+            console.print(table(rows))
+            console.print("interrupted: nothing is stored; --only NAME runs what is left", soft_wrap=True)
+            return 130
     console.print(table(rows))
     label = "_".join([wanted.quality, *([wanted.precision] if wanted.precision else []), *["quick"] * wanted.quick])
     path = write(rows, wanted.out, label, wanted.quality)

@@ -101,6 +101,17 @@ def free(scene: Scene, body: Particles) -> Stage:
     return Stage(scene, body)
 
 
+def driven(scene: Scene, body: Particles, drive: str, chunks: int) -> State:
+    """A state that runs its substeps by this drive, whatever the machine would choose."""
+
+    class Driven(State):
+        def _allocate(self, particles: Particles) -> None:
+            self.drive, self.chunks = drive, chunks
+            super()._allocate(particles)
+
+    return Driven(scene, body)
+
+
 def row(solver: Solver, material: Material, x: Array) -> Stage:
     """One row of particles at x [m from the centre], two a cell; to be kept straight by `flat(state, (1, 2))`."""
     X = 1 + x[:, None] * [1, 0, 0]
