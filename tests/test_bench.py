@@ -140,7 +140,7 @@ def test_ratios_are_taken_within_a_round():
 
 
 def test_the_break_is_found_behind_the_blow_of_the_grips():
-    """A blow of 9 N at the start, a pull up to 4 N that parts at frame 8: half of it at 0.85, between frames 8 and 9."""
+    """A blow of 9 N at the start, a pull up to 4 N that parts at frame 8: half of it between frames 8 and 9."""
     load = np.array([0, 9, 1, 1, 2, 3, 3.5, 4, 3, 1, 0, 0])
     at, peak = broken_at(np.arange(12) / 10, load, 8)
     assert (at, peak) == (pytest.approx(0.85), 4)
