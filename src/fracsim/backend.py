@@ -43,6 +43,11 @@ def threads(backend: Backend) -> int:
     return min(backend.threads, available) if backend.threads else available
 
 
+def has_doubles(backend: Backend) -> bool:
+    """Whether a backend computes in float64; Vulkan lacks its functions, Metal lacks it altogether."""
+    return backend.arch in ("cpu", "cuda")
+
+
 def on_cpu() -> bool:
     """Whether the running backend is a CPU."""
     return _started is None or _started.arch == "cpu"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracsim.backend import has_doubles
 from fracsim.cohesion import Cohesion
 from fracsim.mpm import params as slot
 from fracsim.mpm.layout import order
@@ -44,8 +45,13 @@ def sort(scene: Scene, particles: Particles) -> Particles:
 def ready(scene: Scene) -> tuple[Scene, list[str]]:
     """The scene with the lambda_crit that its cells need, and warnings; needs Taichi, but no object.
 
-    Raises ValueError for a substep or a `fracture.length` that cannot be used.
+    Raises ValueError for a precision, a substep or a `fracture.length` that cannot be used.
     """
+    if scene.solver.precision == "float64" and not has_doubles(scene.backend):
+        raise ValueError(
+            f"solver.precision=float64 is not possible with backend.arch={scene.backend.arch}: use float32, or "
+            "backend.arch=cpu or cuda."
+        )
     warning = require_stable(scene)
     return regularised(scene), [warning] if warning else []
 
@@ -176,8 +182,8 @@ class Simulator:
         p = int(J.argmin())
         return (
             f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the "
-            f"worst is particle {p} (field F, J = {J[p]:.2g}, below 0.05). Likely the substep is too long or the "
-            "thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
+            f"worst by now is particle {p} (field F, J = {J[p]:.2g}; crushed is below 0.05). Likely the substep is "
+            "too long or the thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
         )
 
     def _frame(self, k: int) -> Frame:
@@ -230,11 +236,8 @@ class Simulator:
 
     def _book_crumbs(self, crumb: Array) -> None:
         """Book the energy of particles that leave the grid because their fragment is too small for it."""
-        v, C = self.state.V.to_numpy()[crumb].astype(np.float64), self.state.C.to_numpy()[crumb].astype(np.float64)
-        speed2 = (v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
-        elastic = self.state.observe()[1][crumb]
-        mass, volume = self.report.mass[crumb], self.report.volume[crumb]
-        self.report.crumbled += float((mass * speed2 / 2 + volume * elastic).sum())
+        elastic = self.report.volume * self.state.observe()[1]
+        self.report.crumbled += float((self.state.kinetic_of_particles() + elastic)[crumb].sum())
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted, and why; asked only until it has and once it can have."""

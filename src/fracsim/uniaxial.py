@@ -4,7 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fracsim.backend import has_doubles
 from fracsim.mpm.bar import stretcher
+from fracsim.mpm.state import reals
 from fracsim.records import Array
 from fracsim.vocab import Scene
 
@@ -56,9 +58,10 @@ def bar(scene: Scene, crit: float | None = None) -> Bar:
     """The bar of a scene's material, with another lambda_crit if given."""
     m, f = scene.material, scene.fracture
     crit = f.crit if crit is None else crit
-    stretch = np.linspace(1, crit, POINTS)
-    P, d = np.zeros(POINTS), np.zeros(POINTS)
-    stretcher(m.law, f.law)(m.mu, m.lam, f.onset, crit, stretch, P, d)
+    real, dtype = reals("float64" if has_doubles(scene.backend) else "float32")
+    stretch = np.linspace(1, crit, POINTS, dtype=dtype)
+    P, d = np.zeros(POINTS, dtype), np.zeros(POINTS, dtype)
+    stretcher(m.law, f.law, real)(m.mu, m.lam, f.onset, crit, stretch, P, d)
     return Bar(stretch, P, d)
 
 

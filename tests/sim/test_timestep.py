@@ -9,7 +9,7 @@ from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
-from fracsim.simulate import SimulationError, Simulator
+from fracsim.simulate import SimulationError, Simulator, ready
 from fracsim.vocab import DT0
 
 from .bars import bar, free, particles, scene
@@ -121,3 +121,10 @@ def test_the_bound_sees_damage() -> None:
     whole = state.survey().stiffness
     state.D.from_numpy(np.full(state.n, 0.75))
     assert state.survey().stiffness == pytest.approx(whole / 4)
+
+
+def test_double_precision_is_refused_where_there_is_none() -> None:
+    s = setting()
+    s.backend.arch = "vulkan"
+    with pytest.raises(ValueError, match=r"solver\.precision=float64 is not possible with backend\.arch=vulkan"):
+        ready(s)

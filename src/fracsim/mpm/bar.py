@@ -11,14 +11,14 @@ from fracsim.registry import load
 
 
 @cache
-def stretcher(law_name: str, damage_name: str) -> Any:
-    """The kernel that finds P [Pa] and d at given stretches, the sides at P22 = 0 by bisection; in float64.
+def stretcher(law_name: str, damage_name: str, real: Any) -> Any:
+    """The kernel that finds P [Pa] and d at given stretches, the sides at P22 = 0 by bisection.
 
     Arguments: mu, lam, onset, crit, stretches, and where P and d go.
     """
     law = load("fracsim.constitutive", law_name, "material.law")
     damage_law = load("fracsim.damage", damage_name, "fracture.law")
-    Scalar = types(ti.f64)["scalar"]
+    Scalar = types(real)["scalar"]
 
     @ti.func
     def pulled(l, s, mu, lam):
@@ -27,7 +27,7 @@ def stretcher(law_name: str, damage_name: str) -> Any:
         return F, law.piola(F, K, volume_ratio(F, K), mu, lam)
 
     @ti.kernel
-    def pull(mu: ti.f64, lam: ti.f64, onset: ti.f64, crit: ti.f64, stretch: Scalar, P: Scalar, d: Scalar):
+    def pull(mu: real, lam: real, onset: real, crit: real, stretch: Scalar, P: Scalar, d: Scalar):
         for q in range(stretch.shape[0]):
             l = stretch[q]
             narrow, wide = l * 0 + 0.05, l * 0 + 1.5

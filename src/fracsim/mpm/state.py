@@ -72,7 +72,7 @@ class State:
         self.tag = tags(scene, particles.X)
         self.chunks = min(backend.threads(scene.backend), 1 + self.n // CHUNK) if backend.on_cpu() else 1
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
-        self.wide = ti.f64 if scene.backend.arch in ("cpu", "cuda") else ti.f32
+        self.wide = ti.f64 if backend.has_doubles(scene.backend) else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
         self.kept: list[Any] = []
         self.velocity: Any = None
@@ -194,13 +194,17 @@ class State:
 
     def kinetic(self) -> float:
         """Kinetic energy of the nodes [J], or of the particles before nodes have moved for the first time."""
-        if not self.fresh:
-            v = self.velocity.to_numpy()[self.layout.nodes].astype(np.float64)
-            return float((v[:, 3] * (v[:, :3] ** 2).sum(axis=1)).sum() / 2)
+        if self.fresh:
+            return float(self.kinetic_of_particles().sum())
+        v = self.velocity.to_numpy()[self.layout.nodes].astype(np.float64)
+        return float((v[:, 3] * (v[:, :3] ** 2).sum(axis=1)).sum() / 2)
+
+    def kinetic_of_particles(self) -> Array:
+        """Kinetic energies of the particles, that of their affine motion included [J], (N,) float64."""
         mass = self.scene.material.density * self.volume.to_numpy().astype(np.float64)
         v, C = (a.to_numpy().astype(np.float64) for a in (self.V, self.C))
-        speed2 = (v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
-        return float((mass * speed2).sum() / 2)
+        out: Array = mass / 2 * ((v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2)))
+        return out
 
     def run(self, n: int, dt: float, t: float, turn: float = math.inf) -> int:
         """Advance by n substeps of length dt [s], from time t [s]; returns how many were made.

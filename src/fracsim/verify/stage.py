@@ -254,10 +254,8 @@ def angular_momentum(state: State) -> Array:
 
 
 def kinetic(state: State) -> float:
-    """Kinetic energy, that of the affine motion included [J]."""
-    C, v = state.C.to_numpy().astype(np.float64), state.V.to_numpy().astype(np.float64)
-    affine = state.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2))
-    return float((masses(state) / 2 * ((v**2).sum(axis=1) + affine)).sum())
+    """Kinetic energy of the particles, that of the affine motion included [J]."""
+    return float(state.kinetic_of_particles().sum())
 
 
 def elastic(state: State) -> float:
