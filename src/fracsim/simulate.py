@@ -182,8 +182,8 @@ class Simulator:
         p = int(J.argmin())
         return (
             f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the "
-            f"worst by now is particle {p} (field F, J = {J[p]:.2g}; crushed is below 0.05). Likely the substep is "
-            "too long or the thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
+            f"worst by now is particle {p} (field F, J = {J[p]:.2g}; crushed is below 0.05). Likely the substep is too "
+            "long or the thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
         )
 
     def _frame(self, k: int) -> Frame:
