@@ -45,7 +45,7 @@ format: $(VENV)/dev.stamp  ## format the code and sort imports
 bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes docs/benchmarks/*.csv
 	$(RUN) fracsim.bench
 
-studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: half an hour
+studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: a quarter of an hour
 	$(RUN) fracsim.bench pareto published thresholds mesh skips
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png

@@ -1,6 +1,11 @@
 """Pull an object until it tears: Gaussian MPM with damage, rendered as RGB and aligned physics maps."""
 
+import os
 from typing import Any
+
+# Taichi greets when it is imported, and asks the network for a newer version when it starts: not for a simulation.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
 from fracsim.version import __version__
 from fracsim.vocab import (

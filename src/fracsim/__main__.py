@@ -4,7 +4,6 @@ import os
 import sys
 from typing import Any
 
-os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 # Let Hydra's errors arrive in main(), which explains them.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 

@@ -56,8 +56,6 @@ def on_cpu() -> bool:
 @cache
 def _require(arch: str) -> None:
     """Raise RuntimeError when Taichi cannot run on `arch` here; it would fall back to the CPU silently."""
-    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-    os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a simulation does not ask the network
     import taichi as ti
 
     ti.set_logging_level(ti.ERROR)
