@@ -140,11 +140,11 @@ def test_ratios_are_taken_within_a_round():
 
 
 def test_the_break_is_found_behind_the_blow_of_the_grips():
-    """A blow of 9 N at the start, a pull up to 4 N that parts at frame 8: half of it between frames 8 and 9."""
-    load = np.array([0, 9, 1, 1, 2, 3, 3.5, 4, 3, 1, 0, 0])
-    at, peak = broken_at(np.arange(12) / 10, load, 8)
-    assert (at, peak) == (pytest.approx(0.85), 4)
-    assert broken_at(np.arange(12) / 10, load, None)[1] == 9
+    """A blow of 9 N in the first tenth, then a pull up to 4 N: half of it lies between frames 18 and 19."""
+    load = np.array([0, 9, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3.5, 3.5, 4, 3, 1, 0, 0])
+    at, peak = broken_at(np.arange(22) / 10, load)
+    assert (at, peak) == (pytest.approx(1.85), 4)
+    assert np.isnan(broken_at(np.arange(22) / 10, np.arange(22.0))[0])
 
 
 def test_an_unknown_name_is_told_with_the_known_ones(capsys):

@@ -31,9 +31,9 @@ class Outcome:
     """Processor time of the simulation, object and kernels prepared."""
     substeps: int
     break_time: float
-    """When the load has fallen to half of its peak [s]; NaN when nothing parts."""
+    """When the load has fallen to half of its peak [s]; NaN when it has not."""
     peak: float
-    """Largest load before that [N], not counting the blow with which the grips start."""
+    """Largest load [N], not counting the blow with which the grips start."""
     failed: float
     """Fraction of failed particles at the end."""
     maps: Array
@@ -74,9 +74,7 @@ def run(scene: Scene) -> Outcome:
         pictures.append(np.concatenate([maps["stress"], maps["damage"]], axis=2).astype(np.float32))
     pictures += [pictures[-1]] * (scene.capture.frames - len(pictures))
     h = simulator.report.history
-    broken, peak = broken_at(
-        np.array(h.t), np.array(h.load), simulator.report.break_frame or simulator.report.torn_frame
-    )
+    broken, peak = broken_at(np.array(h.t), np.array(h.load))
     return Outcome(spent, simulator.report.substeps, broken, peak, h.failed[-1], np.array(pictures))
 
 
@@ -87,16 +85,13 @@ def compile_kernels(scene: Scene, particles: Any) -> None:
             return
 
 
-def broken_at(t: Array, load: Array, parted: int | None) -> tuple[float, float]:
-    """When the load falls through half of its peak [s], linear between frames, and the peak [N].
+def broken_at(t: Array, load: Array) -> tuple[float, float]:
+    """When the load falls through half of its peak [s], linear between frames, NaN when it does not; and the peak [N].
 
-    The peak is that of the second half of the time up to the frame `parted`: the grips start with a blow whose load may
-    be larger. NaN and the peak of all frames when nothing parts.
+    The first tenth of the frames does not count: the grips start with a blow, whose load may be larger.
     """
-    if parted is None:
-        return float("nan"), float(load.max())
-    start = parted // 2
-    peak = start + int(load[start : parted + 1].argmax())
+    start = len(load) // 10
+    peak = start + int(load[start:].argmax())
     below = np.flatnonzero(load[peak:] < load[peak] / 2)
     if not len(below):
         return float("nan"), float(load[peak])
