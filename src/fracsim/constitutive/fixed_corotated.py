@@ -19,8 +19,10 @@ def piola(F, K, J, mu, lam):
 
 @ti.func
 def bound_total(l, J, mu, lam):
-    S = 1 / l[0] ** 2 + 1 / l[1] ** 2 + 1 / l[2] ** 2
-    return 2 * mu + lam * J * ti.max(J, ti.abs(2 * J - 1)) * S
+    # dP/dF = 2 mu (..) + lam (K (x) K + (J - 1) dK/dF), and no eigenvalue of dK/dF is beyond 2 |F| / sqrt(3): this
+    # stays true, and small, where F is crushed or inverted.
+    II = (l[0] * l[1]) ** 2 + (l[0] * l[2]) ** 2 + (l[1] * l[2]) ** 2
+    return 2 * mu + lam * (II + 2 / 3**0.5 * ti.abs(J - 1) * l.norm())
 
 
 @ti.func
