@@ -133,8 +133,9 @@ def particle_function(
         if J < J_MIN and d < 1:
             tally(ledger, CLAMPED, mass / mass)
         J = ti.max(J, J_MIN)
-        P, power = force(law, total, viscous, F, cof, J, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX])
-        if ti.static(viscous):
+        inertia = K[DENSITY] * K[H] * K[H]
+        P, power = force(law, total, viscous, F, cof, J, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX], inertia, K[DT])
+        if ti.static(viscous or total):
             tally(ledger, VISCOUS, b.volume[p] * K[DT] * power)
         grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips == "soft"):
