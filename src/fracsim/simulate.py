@@ -228,6 +228,7 @@ class Simulator:
         if crumb.any():
             self._book_crumbs(crumb)
             d[crumb], label[crumb] = 1, -1
+            label[label >= 0] = np.unique(label[label >= 0], return_inverse=True)[1]  # without gaps again
             self.state.D.from_numpy(d)
         intact = label >= 0
         if (label[intact] != self.fragment[intact]).any():

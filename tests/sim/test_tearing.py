@@ -201,6 +201,19 @@ def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
     assert np.allclose(total(state), before, rtol=1e-6)
 
 
+def test_fragments_that_are_held_outlast_larger_crumbs() -> None:
+    """A wire in three pieces: the middle one, 4 particles, is a crumb, the end, 2 in a grip, is not."""
+    s = scene(solver=Solver(cells=CELLS), loading=Loading(offset=0.34, thickness=0.05), capture=Capture(frames=1))
+    simulator = Simulator(s, build_body(Body(counts=[36, 1, 1]), s.solver))
+    along = simulator.particles.X[:, 0].argsort()
+    d = np.zeros(36, simulator.state.dtype)
+    d[along[[-3, -8]]] = 1
+    simulator.state.D.from_numpy(d)
+    simulator._part()
+    assert simulator.fragment[along].tolist() == [0] * 28 + [-1] * 6 + [1] * 2
+    assert (simulator.state.D.to_numpy()[along[-8:-2]] == 1).all()
+
+
 def test_a_bar_that_the_grid_parts_recoils_onto_nodes_in_use() -> None:
     """In `updated` a stiff bar snaps numerically within a few substeps, and particles fly at half the wave speed."""
     solver = Solver(cells=44, formulation="updated")
