@@ -207,6 +207,31 @@ def test_cases_end_as_they_should() -> None:
     assert (run(bad).verdict, run(bad).wrong[0][:16]) == ("wrong", "no fitting error")
 
 
+@pytest.mark.parametrize("number", [203, 346])
+def test_what_recoils_into_its_grip_may_be_crushed_for_a_while_and_recovers(number: int) -> None:
+    """A neo-Hookean bar that a shock without friction crushed, and fixed corotated material torn at a stretch of 2.7:
+    its stress is linear in the stretch, so a shock that stops it inverts it. All invariants hold, energy included."""
+    seen: list[Simulator] = []
+    out = run(draw(0, number), lambda simulator, frame, watch: seen.append(simulator))
+    assert (out.verdict, out.wrong, out.parted) == ("finished", [], True)
+    state = seen[-1].state
+    assert np.linalg.det(state.F.to_numpy()[state.D.to_numpy() < 1]).min() > 0.5
+
+
+def test_a_run_that_would_hardly_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here after one and a half times the substeps that it takes at rest; the study draws scenes with 20 times."""
+    monkeypatch.setattr("fracsim.simulate.PATIENCE", 1.5)
+    case = plain()
+    case.scene["loading"]["speed"] = 2.0
+    case.scene["fracture"] = {"onset": 9.0, "crit": 10.0}
+    case.scene["capture"]["frames"] = 40
+    out = run(case)
+    assert (out.reason, out.wrong[0][:24]) == ("slow", "slow in a sensible scene")
+    error = SimulationError(out.error)
+    assert fitting.unfit(error, sensible=False) == []
+    assert "fracture.at_grips=true" in out.error
+
+
 def told(case: Case) -> Outcome:
     """In the place of `run`: number 1 crashes, number 2 hangs."""
     if case.number == 1:

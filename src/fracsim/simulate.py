@@ -9,9 +9,10 @@ import numpy as np
 from fracsim.backend import has_doubles
 from fracsim.cohesion import Cohesion
 from fracsim.mpm import params as slot
+from fracsim.mpm.grips import along
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import MARGIN, Peaks, State
-from fracsim.mpm.timestep import GROWTH, ROTATION, limit, require_stable, stable
+from fracsim.mpm.timestep import GROWTH, ROTATION, limit, require_stable, rest_stiffness, stable
 from fracsim.records import Array, Frame, Particles
 from fracsim.report import TEARING, Books, Report, failure_reach
 from fracsim.ride import Ride
@@ -24,8 +25,11 @@ ROUND = 16
 RISKY = 1.2
 """Below this stretch the grid of `updated` does not tear anything."""
 MAX_CLAMPED = 1e-2
-"""Fraction of particles whose J may be clamped in a substep before the run stops; the recoil of a torn piece may crush
-a few of them for a while."""
+"""Fraction of particles whose J may be clamped in a substep before the run stops. Once something has failed it may be
+more for as long as a wave takes through the object: so long a piece of half its length that recoils into its grip is
+pressed there, until the wave is back from its free end."""
+PATIENCE = 100
+"""With dt auto, a run stops that has taken this many times the substeps that all of it takes at rest."""
 
 Progress = Callable[[int, float, float], None]
 """Called with substeps done, present dt [s] and present time [s]."""
@@ -75,7 +79,12 @@ class Simulator:
         self.cohesion = Cohesion(self.particles.X, self.particles.spacing, scene.solver.h, self.side)
         self.rest = Rest(scene, self.side)
         self.fragment = np.zeros(len(self.particles), np.int64)
-        self.dt = math.inf
+        self.dt, self.sound = math.inf, 0.0
+        length = float(np.ptp(along(scene.loading, self.particles.X)))
+        self.crossing = length * math.sqrt(scene.material.density / scene.material.E)
+        at_rest = limit(scene, rest_stiffness(scene), scene.loading.speed, 0.0)
+        auto = isinstance(scene.solver.dt, str) and at_rest > 0
+        self.most = PATIENCE * max(scene.capture.duration / at_rest, 1) if auto else math.inf
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
@@ -93,6 +102,8 @@ class Simulator:
         while left > 1e-9 / fps:
             peaks = self.state.survey()
             dt, n = self._choose(peaks, left)
+            if self.report.substeps > self.most:
+                raise SimulationError(self._slow(k, dt))
             n = self._run(n, dt, t)
             t, left = t + n * dt, left - n * dt
             self.report.advanced(n, dt, t)
@@ -172,8 +183,10 @@ class Simulator:
             raise SimulationError(self.report.fault(kind, p, k, max(before + step, 0), x, v))
         clamped = self.state.booked()[slot.CLAMPED] - self.report.clamped
         self.report.clamped += int(clamped)
-        steps = self.report.substeps - before
-        if clamped > max(MAX_CLAMPED * self.state.n, 1) * steps:
+        steps, now = self.report.substeps - before, self.report.history.dt_t[-1]
+        if clamped <= max(MAX_CLAMPED * self.state.n, 1) * steps:
+            self.sound = now
+        elif now - self.sound > self.crossing or not (self.state.D.to_numpy() >= 1).any():
             raise SimulationError(self._crushed(k, clamped / steps))
 
     def _crushed(self, k: int, many: float) -> str:
@@ -184,6 +197,19 @@ class Simulator:
             f"frame {k}, substep {self.report.substeps}: {many:.0f} particles a substep are inverted or crushed, the "
             f"worst by now is particle {p} (field F, J = {J[p]:.2g}; crushed is below 0.05). Likely the substep is too "
             "long or the thresholds let the material stretch too far: use solver.dt=auto or a smaller solver.safety."
+        )
+
+    def _slow(self, k: int, dt: float) -> str:
+        """The message when the stability bound has fallen too far; names the thinnest particle."""
+        intact = np.flatnonzero(self.state.D.to_numpy() < 1)
+        stretch = np.linalg.svd(self.state.F.to_numpy()[intact], compute_uv=False)
+        p = int(stretch[:, 2].argmin())
+        exempt = self.state.tag[intact[p]] >= slot.EXEMPT
+        way = "fracture.at_grips=true, so that it may fail" if exempt else "a slower loading.speed"
+        return (
+            f"frame {k}, substep {self.report.substeps}: the run has taken {PATIENCE} times the substeps that all of "
+            f"it takes at rest, since solver.dt=auto is down to {dt:.2g} s: particle {intact[p]} (field F) has "
+            f"stretches from {stretch[p, 2]:.2g} to {stretch[p, 0]:.3g}. Use {way}, or fewer capture.frames."
         )
 
     def _frame(self, k: int) -> Frame:

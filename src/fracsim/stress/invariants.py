@@ -10,7 +10,6 @@ import math
 import numpy as np
 
 from fracsim.mpm import params as slot
-from fracsim.mpm.tensor import J_MIN
 from fracsim.mpm.timestep import damping
 from fracsim.records import Array, Frame
 from fracsim.report import History
@@ -27,24 +26,12 @@ SUMMED = 8.0
 """Round-off of a substep in units of EPS: a node sums 8 to 64 particles, each with rounded weights."""
 
 
-def crushing(simulator: Simulator) -> float:
-    """Strain energy density that presses the solid, held at its sides, to J_MIN [Pa]."""
-    s = simulator.state
-    F = s.F.to_numpy()
-    s.F.from_numpy(np.tile(np.diag([J_MIN, 1.0, 1.0]).astype(s.dtype), (s.n, 1, 1)))
-    density = float(s.observe()[1][0])
-    s.F.from_numpy(F)
-    return density
-
-
 class Watch:
-    """Looks at a run; what is violated is collected as sentences in `violations`, the first of each kind.
+    """Looks at a run; what is violated is collected as sentences in `violations`, the first of each kind."""
 
-    `densest` is the largest strain energy density of a frame [Pa], `crushing` that which crushes the solid.
-    """
-
-    def __init__(self, simulator: Simulator) -> None:
-        self.sim, self.scene = simulator, simulator.scene
+    def __init__(self, simulator: Simulator, sensible: bool = True) -> None:
+        """`sensible`: whether the scene asks for nothing that the solid cannot do."""
+        self.sim, self.scene, self.sensible = simulator, simulator.scene, sensible
         self.eps = float(np.finfo(simulator.state.dtype).eps)
         self.mass = simulator.report.mass
         self.violations: list[str] = []
@@ -54,7 +41,6 @@ class Watch:
         self._work: list[float] = []
         self._created = False
         self._gross = self._loudest = 0.0
-        self.densest, self.crushing = 0.0, crushing(simulator)
         simulator.progress = self.round
 
     def violated(self, kind: str, told: str) -> None:
@@ -87,7 +73,6 @@ class Watch:
         self._books(frame)
         self._momentum(frame)
         self._energy(frame)
-        self.densest = max(self.densest, float(self.sim.state.observe()[1].max()))
         self._last_d = frame.d
 
     def _finite(self, frame: Frame) -> None:
@@ -176,9 +161,9 @@ class Watch:
     def _energy(self, frame: Frame) -> None:
         """Kinetic and elastic energy and booked losses never exceed initial energy and booked work in two frames
         running: while something snaps, its energy is known to first order in a substep's motion only. Where J was
-        clamped stress is no derivative of an energy, and nothing is said."""
+        clamped, in scenes that are not sensible, stress is no derivative of an energy, and nothing is said."""
         h, books = self.sim.report.history, self.sim.state.booked()
-        if books[slot.CLAMPED] > 0:
+        if books[slot.CLAMPED] > 0 and not self.sensible:
             return
         work = float(books[slot.GRIP_WORK] + books[slot.GRAVITY_WORK])
         lost = float(books[slot.DAMAGED] + books[slot.RELEASED])

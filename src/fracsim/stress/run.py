@@ -3,7 +3,6 @@
 import time
 import traceback
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import dataclass, field
 
 from fracsim import backend
@@ -13,7 +12,7 @@ from fracsim.stress import fitting
 from fracsim.stress.bodies import build
 from fracsim.stress.case import Case, sensible
 from fracsim.stress.invariants import Watch
-from fracsim.vocab import Backend, Scene, Solver
+from fracsim.vocab import Backend, Scene
 
 Onlooker = Callable[[Simulator, Frame, Watch], None]
 """Called after each frame."""
@@ -38,8 +37,6 @@ class Outcome:
     particles: int = 0
     substeps: int = 0
     parted: bool = False
-    energetic: bool = False
-    """Whether the strain energy density was ever enough to crush the solid."""
     seconds: float = 0.0
 
 
@@ -54,11 +51,9 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
     except (ValueError, SimulationError) as error:
         out.reason, out.error = fitting.kind(error), str(error)
         out.verdict = "refused"
-        recoils = out.sensible and out.reason == fitting.CRUSHED and out.energetic and _always_crushed(case)
-        out.reason = fitting.RECOIL if recoils else out.reason
         if out.reason.startswith(fitting.BLOW_UP):  # on its way there energy grows, and the error says so
             out.wrong = [told for told in out.wrong if not told.startswith("energy")]
-        out.wrong += fitting.unfit(error, out.sensible and not recoils)
+        out.wrong += fitting.unfit(error, out.sensible)
     except Exception as error:
         out.reason, out.error = type(error).__name__, traceback.format_exc(limit=-2)
         out.wrong.append(f"{type(error).__name__}: {error}")
@@ -68,28 +63,12 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
     return out
 
 
-def _always_crushed(case: Case) -> bool:
-    """Whether a case ends with crushed particles at each of the smaller substeps too."""
-    for part in fitting.FINER:
-        finer = deepcopy(case)
-        solver = finer.scene.setdefault("solver", {})
-        solver["safety"] = part * solver.get("safety", Solver().safety)
-        out = Outcome(family=case.family, seed=case.seed, number=case.number, verdict="finished")
-        try:
-            _simulate(finer, finer.resolve(), out, None)
-        except SimulationError as error:
-            if fitting.kind(error) == fitting.CRUSHED:
-                continue
-        return False
-    return True
-
-
 def _simulate(case: Case, scene: Scene, out: Outcome, onlooker: Onlooker | None) -> None:
     """All frames, watched; fills in what was counted, also when it ends by an error."""
     backend.start(Backend(threads=1))
     simulator = Simulator(scene, build(case.body, scene.solver))
     case.start.apply(simulator.state)
-    watch = Watch(simulator)
+    watch = Watch(simulator, out.sensible)
     out.particles = len(simulator.particles)
     try:
         for frame in simulator.frames():
@@ -98,5 +77,4 @@ def _simulate(case: Case, scene: Scene, out: Outcome, onlooker: Onlooker | None)
                 onlooker(simulator, frame, watch)
     finally:
         out.substeps, out.parted = simulator.report.substeps, simulator.report.parted
-        out.energetic = watch.densest >= watch.crushing
         out.wrong += watch.violations

@@ -104,12 +104,12 @@ def numbers(scenes: int, only: Sequence[str]) -> list[int]:
 
 
 def journal(folder: Path, seed: int) -> dict[int, Outcome]:
-    """What is known of the study with this seed; a line that was not written to its end is passed over."""
+    """What is known of the study with this seed; other lines are passed over."""
     path, known = folder / JOURNAL, {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
             out = Outcome(**json.loads(line))
-        except ValueError:
+        except (TypeError, ValueError):  # cut short, or written by another version
             continue
         if out.seed == seed:
             known[out.number] = out
