@@ -2,25 +2,22 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import cofactor, rotation, volume_ratio
+from fracsim.mpm.tensor import cofactor, rotation, volumetric_bound
 
 
 @ti.func
-def psi(F, mu, lam):
-    K = cofactor(F)
-    J = volume_ratio(F, K)
-    return mu * (F - rotation(F, K)).norm_sqr() + lam * (J - 1) ** 2 / 2
+def psi(F, theta, mu, lam):
+    return mu * (F - rotation(F, cofactor(F))).norm_sqr() + lam * (theta - 1) ** 2 / 2
 
 
 @ti.func
-def piola(F, K, J, mu, lam):
-    return 2 * mu * (F - rotation(F, K)) + (lam * (J - 1)) * K
+def piola(F, K, J, theta, mu, lam):
+    return 2 * mu * (F - rotation(F, K)) + (lam * (theta - 1)) * K
 
 
 @ti.func
-def bound_total(l, J, mu, lam):
-    S = 1 / l[0] ** 2 + 1 / l[1] ** 2 + 1 / l[2] ** 2
-    return 2 * mu + lam * J * ti.max(J, ti.abs(2 * J - 1)) * S
+def bound_total(l, J, theta, mu, lam):
+    return 2 * mu + lam * volumetric_bound(l, J, theta - 1, 1)
 
 
 @ti.func

@@ -15,7 +15,9 @@ def stiffening(F, K, J):
 
 
 @ti.func
-def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K, J, C, d, mu, lam, eta, eta_max):
+def force(
+    law: ti.template(), total: ti.template(), viscous: ti.template(), F, K, J, theta, C, d, mu, lam, eta, eta_max
+):
     """The stress that `scatter` needs, and the viscous power a volume.
 
     (1 - d) tau is the degraded Kirchhoff stress (Eq. 5); the viscosity adds eta (L + L^T), which for the affine
@@ -23,7 +25,7 @@ def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K
     is P = tau F^-T, what is damaged is less viscous too, and eta is at most what an explicit substep can bear; in the
     present one the result is tau.
     """
-    P = (1 - d) * law.piola(F, K, J, mu, lam)
+    P = (1 - d) * law.piola(F, K, J, theta, mu, lam)
     if ti.static(not total):
         P = P @ F.transpose()
     power = d * 0
