@@ -2,13 +2,14 @@
 
 import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fracsim import Scene, Solver
-from fracsim.bench import bar, splatting, startup, substep
+from fracsim.bench import bar, hidden, splatting, startup, substep
 from fracsim.bench.__main__ import main
 from fracsim.bench.blocked import Blocked
 from fracsim.bench.plain import Plain
@@ -16,7 +17,8 @@ from fracsim.bench.plan import FULL
 from fracsim.bench.record import Row, median, table, write
 from fracsim.bench.scenes import broken_at
 from fracsim.bench.worker import Worker
-from fracsim.vocab import CENTRE
+from fracsim.film import Film
+from fracsim.vocab import CENTRE, Camera
 from tests.sim import bars
 
 CELLS, SUBSTEPS = 50, 60
@@ -98,6 +100,21 @@ def test_the_solid_has_as_many_gaussians_as_asked_for():
     assert len(particles) == len(frame.x) == 1000
     assert np.isfinite(frame.F).all()
     assert (frame.J > 0).all()
+
+
+@pytest.mark.parametrize(("opacity", "least", "most"), [(0.98, 0.1, 0.6), (0.03, 1, 1)])
+def test_gaussians_that_do_not_show_leave_the_picture_as_it_is(opacity, least, most):
+    """Bit for bit; most of an opaque solid does not show, all of a translucent one does."""
+    particles, frame = splatting.solid(20_000)
+    particles = replace(particles, opacity=np.full(20_000, opacity, np.float32))
+    film = Film(Scene(camera=Camera(width=128, height=128, half_width=0.33)))
+    whole = film.shoot(frame, particles)
+    shows = hidden.showing(film, 20_000)
+    assert least <= shows.mean() <= most
+    few = film.shoot(hidden.part(frame, shows), hidden.part(particles, shows))
+    assert hidden.same(whole, few)
+    shows[np.flatnonzero(shows)[:100]] = False
+    assert not hidden.same(whole, film.shoot(hidden.part(frame, shows), hidden.part(particles, shows)))
 
 
 def test_importing_needs_neither_taichi_nor_torch():

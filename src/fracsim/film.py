@@ -47,6 +47,14 @@ def view_of(scene: Scene) -> View:
     return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height)
 
 
+def on_white(image: Array, alpha: Array) -> Array:
+    """Colours over white as bytes, (H, W, 3); most pixels show nothing and need no arithmetic."""
+    out, seen = np.full((*alpha.shape, 3), 255, np.uint8), alpha > 0
+    over = image[seen, :3] + (1 - alpha[seen])[:, None]
+    out[seen] = np.rint(np.clip(over, 0, 1) * 255).astype(np.uint8)
+    return out
+
+
 class Film:
     """Renders frames of one scene; colour and maps are one feature vector, composited in one pass."""
 
@@ -82,8 +90,7 @@ class Film:
         image, alpha, median = self.splat(frame, particles, np.concatenate(parts, axis=1, dtype=np.float32))
         rgb, maps, at = None, {}, 0
         if self.scene.capture.rgb:
-            white = image[..., :3] + (1 - alpha)[..., None]
-            rgb, at = np.rint(np.clip(white, 0, 1) * 255).astype(np.uint8), 3
+            rgb, at = on_white(image, alpha), 3
         for name, m in self.maps.items():
             maps[name] = image[..., at : at + m.CHANNELS]
             at += m.CHANNELS

@@ -136,6 +136,8 @@ class Solver:
     projection: float | int | str = knob(
         0.5, "how often velocities are projected on the particles while a wave crosses a cell (total); every: each "
         "substep, as APIC does", least=0, most=1e3, choices=("every",))  # fmt: skip
+    pressure: str = knob("cell", "cell: that of the mean J of the particles that share a cell at rest, which does not "
+                         "lock near nu = 0.5 (total); particle: its own J", choices=("cell", "particle"))  # fmt: skip
     damping: str = knob("physical", "physical: viscosity and decay rate; per_substep: the paper's factors each "
                         "substep, whatever dt is; none", choices=("physical", "per_substep", "none"))  # fmt: skip
     precision: str = knob("float32", "floating-point type of the simulation", choices=("float32", "float64"))

@@ -3,9 +3,9 @@
 from typing import Any
 
 from fracsim import Backend, Scene
-from fracsim.verify.stage import angular_momentum, bar, driven, free, lattice, momentum, particles
+from fracsim.verify.stage import angular_momentum, bar, driven, free, lattice, momentum, ordered, particles
 
-__all__ = ["angular_momentum", "bar", "driven", "free", "lattice", "momentum", "particles", "scene"]
+__all__ = ["angular_momentum", "bar", "driven", "free", "lattice", "momentum", "ordered", "particles", "scene"]
 
 
 def scene(**sections: Any) -> Scene:

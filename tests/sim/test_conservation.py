@@ -9,7 +9,7 @@ from fracsim.records import Array
 from fracsim.simulate import Simulator
 from fracsim.verify.problems import decay, translation
 
-from .bars import angular_momentum, free, lattice, momentum, particles, scene
+from .bars import angular_momentum, free, lattice, momentum, ordered, particles, scene
 
 FORMS = ("total", "updated")
 TURN = {"total": 1e-3, "updated": 1e-9}
@@ -23,7 +23,7 @@ def body(form: str, cells: int = 50, size: float = 0.2, precision: str = "float6
     settings = {"law": "neo_hookean", "E": 1e4, "nu": 0.3, **material}
     s = scene(material=Material(**settings), fracture=Fracture(onset=8, crit=9), solver=solver,
               loading=Loading(offset=0.08, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
-    return free(s, particles(lattice((size,) * 3, solver.spacing), solver.spacing))
+    return free(s, particles(ordered(lattice((size,) * 3, solver.spacing), solver.h), solver.spacing))
 
 
 def run(state: State, steps: int, dt: float) -> None:
@@ -129,7 +129,7 @@ def one_frame(threads: int) -> Array:
     solver = Solver(cells=60)
     s = scene(material=Material(law="fixed_corotated", E=2e3, nu=0.3), solver=solver, backend=Backend(threads=threads),
               loading=Loading(offset=0.15, speed=0.5), capture=Capture(frames=1))  # fmt: skip
-    state = State(s, particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing))
+    state = State(s, particles(ordered(lattice((0.6, 0.2, 0.2), solver.spacing), solver.h), solver.spacing))
     assert state.chunks == threads
     state.run(60, 4e-4, 0.0)
     return state.U.to_numpy()
@@ -152,7 +152,7 @@ def kept(dt: float, projection: float | str) -> float:
     solver = Solver(cells=50, precision="float64", projection=projection)
     s = scene(material=Material(law="neo_hookean", E=1e2, nu=0.0, density=2e4), fracture=Fracture(onset=8, crit=9),
               solver=solver, loading=Loading(offset=0.08, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
-    state = free(s, particles(lattice((0.2,) * 3, solver.spacing), solver.spacing))
+    state = free(s, particles(ordered(lattice((0.2,) * 3, solver.spacing), solver.h), solver.spacing))
     state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)))
     state.run(1, 1e-6, 0.0)  # from now on the nodes know the velocities
     before = state.kinetic()

@@ -36,11 +36,11 @@ def test_pad_and_registers_give_the_same_sums() -> None:
     assert np.allclose(out[0], out[1], rtol=1e-13)
 
 
-@pytest.mark.parametrize("formulation", ["total", "updated"])
+@pytest.mark.parametrize(("formulation", "pressure"), [("total", "cell"), ("total", "particle"), ("updated", "cell")])
 @pytest.mark.parametrize("viscosity", [0.0, 40.0])
-def test_every_drive_gives_the_same_motion(formulation: str, viscosity: float) -> None:
+def test_every_drive_gives_the_same_motion(formulation: str, pressure: str, viscosity: float) -> None:
     """Serial, threads (here one more than the cores) and the launches of a GPU: sums in another order, no more."""
-    solver = Solver(formulation=formulation, cells=40, precision="float64")
+    solver = Solver(formulation=formulation, pressure=pressure, cells=40, precision="float64")
     scene = bars.scene(solver=solver, material=Material(viscosity=viscosity, decay=1.0))
     body = bars.bar(solver, (0.6, 0.2, 0.1))
     rng, moved = np.random.default_rng(1), {}

@@ -12,13 +12,12 @@ import taichi as ti
 
 from fracsim import backend
 from fracsim.asset.build import build
+from fracsim.bench import hidden
 from fracsim.bench.record import Row
 from fracsim.configs import compose
 from fracsim.film import Film
 from fracsim.mpm.kernels import types
 from fracsim.mpm.tensor import cofactor, max_stretch, principal_stretches, rotation
-from fracsim.records import Array
-from fracsim.render.camera import project
 from fracsim.simulate import Simulator
 from fracsim.verify.stage import driven, lattice, particles
 from fracsim.vocab import Scene, Solver
@@ -120,28 +119,13 @@ def launches() -> Iterator[Row]:
 
 
 def pictures(simulator: Simulator) -> Iterator[Row]:
-    """Channels that are captured; and Gaussians behind opaque ones, which are composited until the light is gone."""
+    """Channels that are captured: all of them, or one alone."""
     frame, particles = next(simulator.frames()), simulator.particles
     spent = {}
     for name, overrides in (("all", ()), ("damage", ("capture.rgb=false", "capture.maps=[damage]"))):
         film = Film(compose(*SCENE, *overrides))
         spent[name] = seconds(lambda film=film: film.shoot(frame, particles))  # type: ignore[misc]
     yield from pair("RGB and four maps, or damage alone", "s/frame", spent["all"], spent["damage"])
-    film = Film(compose(*SCENE))
-    features = np.zeros((len(particles), film.channels), np.float32)
-
-    def gaussians(mask: Array) -> list[Array]:
-        whole = (frame.x, particles.covariance, frame.F, particles.opacity, features)
-        return [np.ascontiguousarray(array[mask]) for array in whole]
-
-    assert film.splatter is not None
-    splat, everything = film.splatter.render, gaussians(np.ones(len(particles), bool))
-    median = splat(*everything)[2]
-    xy, depth = project(film.view, frame.x)
-    column, row = np.clip(xy.astype(int), 0, np.array(median.shape[::-1]) - 1).T
-    near = gaussians(depth < median[row, column] + 10 * particles.spacing)
-    yield from pair("hidden Gaussians (not skipped, see docs)", "s/frame", seconds(lambda: splat(*everything), 15),
-                    seconds(lambda: splat(*near), 15))  # fmt: skip
 
 
 def objects() -> Iterator[Row]:
@@ -181,7 +165,9 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
     scene = compose(*SCENE, *(("solver.cells=40",) if quick else ()))
     backend.start(scene.backend)
     yield from tensors(2_000 if quick else 100_000)
-    simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, 0))
+    body = build(scene.asset, scene.solver.spacing, 0)
+    yield from hidden.rows(scene, body)
+    simulator = Simulator(scene, body)
     yield from pictures(simulator)
     yield from substeps(simulator)
     yield from launches()

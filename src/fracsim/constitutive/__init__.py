@@ -1,11 +1,12 @@
 """Hyperelastic laws, one a file, each four Taichi functions and nothing else.
 
-`psi(F, mu, lam)`             strain energy density [Pa].
-`piola(F, K, J, mu, lam)`     first Piola-Kirchhoff stress dpsi/dF [Pa], where K = cof F = J F^-T and J = det F come
-                              from the caller; the Kirchhoff stress is tau = P F^T.
-`bound_total(l, J, mu, lam)`  upper bound of the largest eigenvalue of dP/dF [Pa] at principal stretches l1 >= l2 >= l3,
-                              and of the stiffness seen by a grid in the rest configuration.
-`bound_updated(l, J, mu, lam)` the same for dtau / d(ln stretch), as seen by a grid in the present configuration.
+`psi(F, theta, mu, lam)`  strain energy density [Pa]: that of the change of shape, and lam times a function of the
+    volume ratio theta, which is det F or its mean over a cell (`fracsim.mpm.dilatation`).
+`piola(F, K, J, theta, mu, lam)`  first Piola-Kirchhoff stress dpsi/dF + dpsi/dtheta cof F [Pa], where K = cof F =
+    J F^-T and J = det F come from the caller; the Kirchhoff stress is tau = P F^T.
+`bound_total(l, J, theta, mu, lam)`  upper bound of the largest eigenvalue of dP/dF [Pa] at principal stretches l1 >= l2
+    >= l3, and of the stiffness seen by a grid in the rest configuration.
+`bound_updated(l, J, mu, lam)`  the same for dtau / d(ln stretch), as seen by a grid in the present configuration.
 
 A new law is one file here and one YAML file in conf/material. `tests/sim/test_constitutive.py` finds it and checks
 psi(I) = 0, objectivity, symmetry, P = dpsi/dF, Hooke's law at small strain, and that the bounds hold.

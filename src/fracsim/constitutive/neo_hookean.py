@@ -2,25 +2,24 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import J_MIN
+from fracsim.mpm.tensor import J_MIN, volumetric_bound
 
 
 @ti.func
-def psi(F, mu, lam):
-    log_J = ti.log(ti.max(F.determinant(), J_MIN))
-    return mu / 2 * (F.norm_sqr() - 3) - mu * log_J + lam / 2 * log_J**2
+def psi(F, theta, mu, lam):
+    log_J, log_theta = ti.log(ti.max(F.determinant(), J_MIN)), ti.log(ti.max(theta, J_MIN))
+    return mu / 2 * (F.norm_sqr() - 3) - mu * log_J + lam / 2 * log_theta**2
 
 
 @ti.func
-def piola(F, K, J, mu, lam):
-    return mu * F + ((lam * ti.log(J) - mu) / J) * K
+def piola(F, K, J, theta, mu, lam):
+    return mu * F + (lam * ti.log(theta) / theta - mu / J) * K
 
 
 @ti.func
-def bound_total(l, J, mu, lam):
-    s = 1 / l[2] ** 2
-    S = 1 / l[0] ** 2 + 1 / l[1] ** 2 + s
-    return mu * (1 + s) + lam * (S + s * ti.abs(ti.log(J)))
+def bound_total(l, J, theta, mu, lam):
+    log_theta = ti.log(theta)
+    return mu * (1 + 1 / l[2] ** 2) + lam * volumetric_bound(l, J, log_theta / theta, (1 - log_theta) / theta**2)
 
 
 @ti.func

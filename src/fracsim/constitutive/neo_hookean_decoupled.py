@@ -2,34 +2,39 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import J_MIN
+from fracsim.mpm.tensor import J_MIN, largest_eigenvalue
 
 LAM_IS_BULK_MODULUS = True
 """At small strain lam resists the change of volume alone: Hooke's law with lam - 2 mu / 3 (as in PhysGaussian)."""
 
 
 @ti.func
-def psi(F, mu, lam):
-    J = ti.max(F.determinant(), J_MIN)
-    isochoric = ti.exp(ti.log(J) * -2 / 3) * F.norm_sqr() - 3
-    return mu / 2 * isochoric + lam / 4 * (J**2 - 1) - lam / 2 * ti.log(J)
+def psi(F, theta, mu, lam):
+    isochoric = ti.exp(ti.log(ti.max(F.determinant(), J_MIN)) * -2 / 3) * F.norm_sqr() - 3
+    volume = ti.max(theta, J_MIN)
+    return mu / 2 * isochoric + lam / 4 * (volume**2 - 1) - lam / 2 * ti.log(volume)
 
 
 @ti.func
-def piola(F, K, J, mu, lam):
+def piola(F, K, J, theta, mu, lam):
     m = mu * ti.exp(ti.log(J) * -2 / 3)
-    return m * F + ((lam / 2 * (J**2 - 1) - m * F.norm_sqr() / 3) / J) * K
+    return m * F + (lam / 2 * (theta - 1 / theta) - m * F.norm_sqr() / 3 / J) * K
 
 
 @ti.func
-def bound_total(l, J, mu, lam):
-    s = 1 / l[2] ** 2
-    S = 1 / l[0] ** 2 + 1 / l[1] ** 2 + s
-    I1 = l[0] ** 2 + l[1] ** 2 + l[2] ** 2
-    shear = 1 + 4 * ti.sqrt(I1 * S) / 3 + I1 / 3 * (s + 2 * S / 3)
-    return mu * ti.exp(ti.log(J) * -2 / 3) * shear + lam * (J**2 * S + ti.abs(J**2 - 1) * s / 2)
+def bound_total(l, J, theta, mu, lam):
+    """Stretches change volume or shape: the largest eigenvalue of the Hessian by l is far less than a sum of bounds."""
+    a, I = 1 / l, l.norm_sqr()
+    m, slope, curvature = mu * ti.exp(ti.log(J) * -2 / 3), (theta - 1 / theta) / 2, (1 + 1 / theta**2) / 2
+    la, aa = l.outer_product(a), a.outer_product(a)
+    both = (2 * m * I / 9 + lam * J * (J * curvature + slope)) * aa - (2 * m / 3) * (la + la.transpose())
+    for k in ti.static(range(3)):
+        both[k, k] += m + (m * I / 3 - lam * J * slope) * a[k] ** 2
+    shear = m + ti.abs(m * I / 3 - lam * J * slope) * a[1] * a[2]
+    return ti.max(largest_eigenvalue(both), shear)
 
 
 @ti.func
 def bound_updated(l, J, mu, lam):
-    return 4 * mu * ti.exp(ti.log(J) * -2 / 3) * l[0] ** 2 + 3 * lam * J**2
+    """The parts act on a change of shape and of volume, which are orthogonal."""
+    return ti.max(2 * mu * ti.exp(ti.log(J) * -2 / 3) * l[0] ** 2, 3 * lam * J**2)

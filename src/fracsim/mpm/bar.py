@@ -24,7 +24,8 @@ def stretcher(law_name: str, damage_name: str, real: Any) -> Any:
     def pulled(l, s, mu, lam):
         F = ti.Matrix([[l, l * 0, l * 0], [l * 0, s, l * 0], [l * 0, l * 0, s]])
         K = cofactor(F)
-        return F, law.piola(F, K, volume_ratio(F, K), mu, lam)
+        J = volume_ratio(F, K)
+        return F, law.piola(F, K, J, J, mu, lam)
 
     @ti.kernel
     def pull(mu: real, lam: real, onset: real, crit: real, stretch: Scalar, P: Scalar, d: Scalar):

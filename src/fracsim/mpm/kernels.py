@@ -32,21 +32,22 @@ def types(real: Any) -> dict[str, Any]:
         "matrix": array(dtype=ti.types.matrix(3, 3, real), ndim=1),
         "index": array(dtype=ti.i32, ndim=1),
         "table": array(dtype=ti.i32, ndim=2),
+        "vectors4": array(dtype=ti.types.vector(4, real), ndim=2),
     }
 
 
 @cache
-def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, grips: str, drive: str, real: Any,
-             wide: Any) -> Any:  # fmt: skip
+def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, forced: bool, grips: str,
+             drive: str, real: Any, wide: Any) -> Any:  # fmt: skip
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
-    Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force), strides (sx, sy, sz)
-    and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books, faults, halt. The other
-    two run one substep: its number and whether to gather and to scatter stand in the place of n.
+    Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait),
+    strides (sx, sy, sz) and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books,
+    faults, halt. The other two run one substep: its number and whether to gather and to scatter stand in n's place.
     """
-    particle = particle_function(law, damage, total, viscous, forced, grips, real)
+    visit = particle_function(law, damage, total, cellwise, viscous, forced, grips, real)
     node = node_function(total, grips, real)
-    Scalar, Vector, Vector4, Matrix, Index, Table = types(real).values()
+    Scalar, Vector, Vector4, Matrix, Index, Table, Vectors4 = types(real).values()
     Books = ti.types.ndarray(dtype=wide, ndim=2)
 
     @ti.func
@@ -69,9 +70,10 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
 
     @ti.kernel
     def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar,
-               volume: Scalar, tag: Index, anchor: Vector, force: Vector, sx: ti.i32, sy: ti.i32, sz: ti.i32,
-               blank: real, velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
-               shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
+               volume: Scalar, tag: Index, anchor: Vector, force: Vector, many: Index, theta: Scalar, wait: Vectors4,
+               sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
+               index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books, faults: Table,
+               halt: Index):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
             K = read(parameters)
@@ -79,8 +81,8 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
                 more = step < n and step <= halt[0]
                 if faults[0, 0] == 0 and step - 1 <= halt[0]:
                     for p in range(X.shape[0]):
-                        particle(p, step, step > 0, more, 0 + shift[0], K,
-                                 ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
+                        visit.whole(p, step, step > 0, more, 0 + shift[0], K,
+                                 ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                                  ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
                     if more:
@@ -92,15 +94,15 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
     @ti.kernel
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
                 C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
-                sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
-                index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
-                faults: Table, halt: Index):  # fmt: skip
+                many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
+                velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
+                shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0 and step - 1 <= stop(halt):
                 c, K, more = q // CHUNK, read(parameters), scatters == 1 and step <= stop(halt)
                 for p in range(start[c], start[c + 1]):
-                    particle(p, step, gathers == 1, more, shift[c], K,
-                             ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
+                    visit.whole(p, step, gathers == 1, more, shift[c], K,
+                             ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
                              ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                              ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
@@ -114,16 +116,17 @@ def substeps(law: str, damage: str, total: bool, viscous: bool, forced: bool, gr
     @ti.kernel
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
             C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
-            sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
-            index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books,
-            faults: Table, halt: Index):  # fmt: skip
-        for p in range(X.shape[0]):
-            if faults[0, 0] == 0 and step - 1 <= halt[0]:
-                more = scatters == 1 and step <= halt[0]
-                particle(p, step, gathers == 1, more, shift[0], parameters,
-                         ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force)),
-                         ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
-                         ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
+            many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
+            velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
+            shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
+        for stage in ti.static(visit.stages):
+            for p in range(X.shape[0]):
+                if faults[0, 0] == 0 and step - 1 <= halt[0]:
+                    more = scatters == 1 and step <= halt[0]
+                    stage(p, step, gathers == 1, more, shift[0], parameters,
+                          ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
+                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
+                          ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
         for i in range(index.shape[0]):
             if scatters == 1 and step <= halt[0]:
                 node(i, step, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),

@@ -21,6 +21,16 @@ def order(y: Array) -> Array:
     return np.argsort(key, kind="stable")
 
 
+def crowds(y: Array) -> Array:
+    """How many particles the cell has whose first one each is, otherwise 0, (N,) int32, for sorted particles at y
+    [cells]; they need not be sorted by `order`, which leaves more cells than there are."""
+    cell = np.floor(y - 0.5).astype(np.int64)
+    first = np.flatnonzero(np.append(True, (np.diff(cell, axis=0) != 0).any(axis=1)))
+    many = np.zeros(len(y), np.int32)
+    many[first] = np.diff(np.append(first, len(y)))
+    return many
+
+
 @dataclass(frozen=True)
 class Layout:
     """A dense box of nodes around the particles, of which only those near a particle are visited."""
@@ -58,13 +68,16 @@ class Layout:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
 
-def layout(y: Array, chunks: int, margin: int) -> Layout:
-    """The layout for particles at y [cells from the object's centre], valid until one moves by `margin` cells."""
+def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> Layout:
+    """The layout for particles at y [cells from the object's centre], valid until one moves by `margin` cells; chunks
+    begin with one of the particles `heads`, if these are given."""
     cell = np.floor(y - 0.5).astype(np.int64)
     lowest = cell.min(axis=0) - margin
     cell -= lowest
     shape = tuple(int(s) for s in cell.max(axis=0) + 3 + margin)
     start = np.linspace(0, len(y), chunks + 1).astype(np.int32)
+    if heads is not None:
+        start = np.append(heads, len(y))[np.searchsorted(heads, start)].astype(np.int32)
     nodes = np.flatnonzero(_near(cell, shape, margin))
     sx = shape[1] * shape[2]
     plane = nodes // sx

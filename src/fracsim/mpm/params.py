@@ -16,7 +16,6 @@ PARAMETERS = 30
 BOOKS = 10
 
 # Peaks of a survey: maxima over particles, one row a thread.
-(STIFFNESS, FASTEST, RATE, MOVED) = range(4)
 PEAKS = 4
 
 # Faults: kind, particle, substep; the first one of a thread is kept.

@@ -7,6 +7,7 @@ import taichi as ti
 
 from fracsim.mpm.books import ask_to_halt, report_fault, tally
 from fracsim.mpm.bspline import stencil
+from fracsim.mpm.dilatation import average, keep, kept
 from fracsim.mpm.grips import hold, led
 from fracsim.mpm.params import (
     ALPHA,
@@ -66,13 +67,31 @@ class Points(NamedTuple):
     """Displacements when the grid was laid [m], (N,) vec3."""
     force: Any
     """Body forces a mass [m/s^2], (N,) vec3; of length 1 where there are none."""
+    many: Any
+    """How many particles the cell has whose first one this is, otherwise 0, (N,) int; of length 1 unless `cellwise`."""
+    theta: Any
+    """Mean volume ratios of the particles' cells, (N,); as `many`."""
+    wait: Any
+    """Velocities of a cell's particles while they wait for its mean, (threads, a power of 2 of places) vec4."""
+
+
+class Visit(NamedTuple):
+    """What is done to particles in a substep."""
+
+    whole: Any
+    """All of it: for a particle, or for a cell by way of its first particle."""
+    stages: tuple[Any, ...]
+    """The same in stages, each of which all particles must have reached before the next one begins."""
 
 
 @cache
 def particle_function(
-    law_name: str, damage_name: str, total: bool, viscous: bool, forced: bool, grips: str, real: Any
-) -> Any:
-    """The function `particle` for one law, one damage law, one formulation and one floating-point type."""
+    law_name: str, damage_name: str, total: bool, cellwise: bool, viscous: bool, forced: bool, grips: str, real: Any
+) -> Visit:
+    """The functions for one law, one damage law, one formulation and one floating-point type.
+
+    With `cellwise` the stress of a particle waits for the mean volume ratio of its cell (`fracsim.mpm.dilatation`).
+    """
     law = load("fracsim.constitutive", law_name, "material.law")
     damage = load("fracsim.damage", damage_name, "fracture.law")
 
@@ -82,11 +101,20 @@ def particle_function(
         return stencil(y * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
 
     @ti.func
+    def part(step, K: ti.template()):
+        """Part of the momentum that particles give to the nodes."""
+        return ti.max(K[ALPHA], K[FRESH]) if step == 0 else K[ALPHA]
+
+    @ti.func
     def suffer(p, before, F, J, K: ti.template(), b: ti.template(), ledger: ti.template()):
         """Damage never heals (Eq. 4); the energy it frees, that of the middle of the substep, is booked."""
         raw = damage.raw(F, J, K[ONSET], K[CRIT])
         if raw > b.D[p]:
-            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * law.psi((before + F) / 2, K[MU], K[LAM]))
+            middle = (before + F) / 2
+            theta = middle.determinant()
+            if ti.static(cellwise):
+                theta = b.theta[p]
+            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * law.psi(middle, theta, K[MU], K[LAM]))
             b.D[p] = raw
 
     @ti.func
@@ -125,24 +153,23 @@ def particle_function(
         return v, C, F, cof, J
 
     @ti.func
-    def push(
-        p, at, f, v, C, F, cof, J, part, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()
-    ):
+    def push(p, at, f, v, C, F, cof, J, theta, share, K: ti.template(), b: ti.template(), g: ti.template(),
+             ledger: ti.template()):  # fmt: skip
         """Scatter a part of the momentum, also of its affine part, and the impulse of the stress."""
         d, mass = b.D[p], K[DENSITY] * b.volume[p]
         if J < J_MIN and d < 1:
             tally(ledger, CLAMPED, mass / mass)
-        J = ti.max(J, J_MIN)
+        J, theta = ti.max(J, J_MIN), ti.max(theta, J_MIN)
         inertia = K[DENSITY] * K[H] * K[H]
-        P, power = force(law, total, viscous, F, cof, J, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX], inertia, K[DT])
+        P, power = force(law, total, viscous, F, cof, J, theta, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX], inertia, K[DT])
         if ti.static(viscous or total):
             tally(ledger, VISCOUS, b.volume[p] * K[DT] * power)
         grip = b.tag[p] % EXEMPT - FREE
         if ti.static(grips == "soft"):
             if grip != 0:
-                v = hold(ledger, grip, part * mass, v, K, grips)
-        affine = (part * mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
-        momentum = (part * mass) * v
+                v = hold(ledger, grip, share * mass, v, K, grips)
+        affine = (share * mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
+        momentum = (share * mass) * v
         if ti.static(forced):
             momentum += (mass * K[DT]) * b.force[p]
         scatter(g, at, f, momentum, affine, mass)
@@ -159,23 +186,70 @@ def particle_function(
             if gathers:
                 v, C, F, cof, J = move(p, step, at, f, K, b, g, ledger)
             stays = scatters
-            part = ti.max(K[ALPHA], K[FRESH]) if step == 0 else K[ALPHA]
             if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
                 if b.D[p] >= 1:
                     stays = False
                     tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic(v, C, K[H]))
                 if stays:
-                    push(p, at + shift, f, v, C, F, cof, J, part, K, b, g, ledger)
+                    push(p, at + shift, f, v, C, F, cof, J, J, part(step, K), K, b, g, ledger)
             else:  # weights from the new position, whose nodes must be in use
                 if not ti.abs(b.U[p] - b.anchor[p]).max() < K[ROOM]:
                     stays = False
                     report_fault(ledger, GRID_FAULT, p, step)
                 if stays:
                     now, there = locate(p, K, b)
-                    push(
-                        p, now[0] * g.sx + now[1] * g.sy + now[2] + shift, there, v, C, F, cof, J, part, K, b, g, ledger
-                    )
+                    at = now[0] * g.sx + now[1] * g.sy + now[2]
+                    push(p, at + shift, there, v, C, F, cof, J, J, part(step, K), K, b, g, ledger)
             if not stays:
                 b.V[p], b.C[p] = v, C
 
-    return particle
+    @ti.func
+    def take(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
+             ledger: ti.template()):  # fmt: skip
+        """Gather and move a particle of a cell, and leave its own J."""
+        if b.D[p] < 1:
+            J = b.D[p]
+            if gathers:
+                base, f = locate(p, K, b)
+                v, C, _F, _K, now = move(p, step, base[0] * g.sx + base[1] * g.sy + base[2], f, K, b, g, ledger)
+                J = now
+                keep(p, v, C, b, g, ledger)
+                if b.D[p] >= 1:
+                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic(v, C, K[H]))
+                if not scatters or b.D[p] >= 1:
+                    b.V[p], b.C[p] = v, C
+            else:
+                F = deformed(b.H[p])
+                J = volume_ratio(F, cofactor(F))
+            b.theta[p] = J
+
+    @ti.func
+    def weigh(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
+              ledger: ti.template()):  # fmt: skip
+        """Turn the own J of a cell's particles into their mean."""
+        average(p, b.many, b.D, b.volume, b.theta)
+
+    @ti.func
+    def give(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
+             ledger: ti.template()):  # fmt: skip
+        """Scatter a particle of a cell under the pressure of the cell."""
+        if scatters and b.D[p] < 1:
+            v, C = b.V[p], b.C[p]
+            if gathers:
+                v, C = kept(p, b, g, ledger)
+            base, f = locate(p, K, b)
+            F = deformed(b.H[p])
+            cof = cofactor(F)
+            at = base[0] * g.sx + base[1] * g.sy + base[2] + shift
+            push(p, at, f, v, C, F, cof, volume_ratio(F, cof), b.theta[p], part(step, K), K, b, g, ledger)
+
+    @ti.func
+    def cell(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
+             ledger: ti.template()):  # fmt: skip
+        for q in range(p, p + b.many[p]):
+            take(q, step, gathers, scatters, shift, K, b, g, ledger)
+        weigh(p, step, gathers, scatters, shift, K, b, g, ledger)
+        for q in range(p, p + b.many[p]):
+            give(q, step, gathers, scatters, shift, K, b, g, ledger)
+
+    return Visit(cell, (take, weigh, give)) if cellwise else Visit(particle, (particle,))

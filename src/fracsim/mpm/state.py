@@ -10,9 +10,10 @@ import taichi as ti
 
 from fracsim import backend
 from fracsim.mpm import params as slot
+from fracsim.mpm.dilatation import KEPT
 from fracsim.mpm.grips import half_reach, owners, tags
 from fracsim.mpm.kernels import substeps
-from fracsim.mpm.layout import Layout, apart, layout
+from fracsim.mpm.layout import Layout, apart, crowds, layout
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
 from fracsim.mpm.transfer import PAD
@@ -74,6 +75,7 @@ class State:
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
         self.wide = ti.f64 if backend.has_doubles(scene.backend) else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
+        self.cellwise = self.total and scene.solver.pressure == "cell"
         self.kept: list[Any] = []
         self.velocity: Any = None
         self.copies: Any = None
@@ -92,6 +94,7 @@ class State:
         self.force = ti.Vector.ndarray(3, real, n if self.forces else 1)
         self.tau = ti.Matrix.ndarray(3, 3, real, n)
         self.scalars = ti.ndarray(real, (n, 2))
+        self._sort_cells()
         self.X.from_numpy(self.X0)
         self.volume.from_numpy(particles.volume.astype(self.dtype))
         self.label.from_numpy(self.tag)
@@ -105,6 +108,16 @@ class State:
         self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
         self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
         self.halt = ti.ndarray(ti.i32, self.chunks)
+
+    def _sort_cells(self) -> None:
+        """Who shares a cell at rest with whom, which fragments don't change."""
+        many = crowds(self.X0 / self.scene.solver.h) if self.cellwise else np.zeros(1, np.int32)
+        self.heads = np.flatnonzero(many) if self.cellwise else None
+        self.many, self.theta = ti.ndarray(ti.i32, len(many)), ti.ndarray(self.real, len(many))
+        self.many.from_numpy(many)
+        self.theta.from_numpy(np.ones(len(many), self.dtype))
+        self.wait = ti.Vector.ndarray(4, self.real, (self.chunks, KEPT << max(int(many.max()) - 1, 0).bit_length()))
+        self.wait.from_numpy(np.zeros((*self.wait.shape, 4), self.dtype))
 
     def _fill_parameters(self) -> None:
         """Constants of the scene; DT, TIME, ETA and KEEP follow at each call."""
@@ -124,7 +137,7 @@ class State:
     def relayout(self, x: Array, aside: Array | None = None) -> None:
         """Lay the grid around particles at x [m from the object's centre]; `aside` are the cells that the planes of
         nodes were moved by `split`."""
-        self.layout = layout(x / self.scene.solver.h, self.chunks, 0 if self.total else MARGIN)
+        self.layout = layout(x / self.scene.solver.h, self.chunks, 0 if self.total else MARGIN, self.heads)
         if max(self.layout.size, self.layout.copies) > MAX_NODES:
             raise ValueError(
                 f"the grid would need {self.layout.size:,} nodes: choose fewer solver.cells={self.scene.solver.cells}."
@@ -186,8 +199,9 @@ class State:
     def survey(self) -> Peaks:
         """Maxima that limit the next substeps."""
         self.parameters.from_numpy(self.K.astype(self.dtype))
-        look = survey(self.scene.material.law, self.total, self.real)
-        look(self.parameters, self.U, self.V, self.C, self.H, self.D, self.anchor, self.start, self.peaks)
+        look = survey(self.scene.material.law, self.total, self.cellwise, self.real)
+        look(self.parameters, self.U, self.V, self.C, self.H, self.D, self.volume, self.many, self.theta, self.anchor,
+             self.start, self.peaks)  # fmt: skip
         peaks = Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
         self.stiffness = peaks.stiffness
         return peaks
@@ -222,12 +236,12 @@ class State:
         self.fresh = False
         self.parameters.from_numpy(self.K.astype(self.dtype))
         s = self.scene
-        kernel = substeps(s.material.law, s.fracture.law, self.total, damp.viscosity > 0, self.forces, s.loading.grips,
-                          self.drive, self.real, self.wide)  # fmt: skip
+        kernel = substeps(s.material.law, s.fracture.law, self.total, self.cellwise, damp.viscosity > 0, self.forces,
+                          s.loading.grips, self.drive, self.real, self.wide)  # fmt: skip
         arrays = (
             self.parameters, self.X, self.U, self.V, self.C, self.H, self.D, self.volume, self.label, self.anchor,
-            self.force, *self.layout.strides, 0.0, self.velocity, self.copies, self.pad, self.nodes, self.owner,
-            self.source, self.shift, self.start, self.books, self.faults, self.halt,
+            self.force, self.many, self.theta, self.wait, *self.layout.strides, 0.0, self.velocity, self.copies,
+            self.pad, self.nodes, self.owner, self.source, self.shift, self.start, self.books, self.faults, self.halt,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)
@@ -266,7 +280,8 @@ class State:
     def observe(self) -> tuple[Array, Array, Array]:
         """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa], largest stretches (N,)."""
         m = self.scene.material
-        observe(m.law, self.real)(m.mu, m.lam, self.H, self.D, self.tau, self.scalars)
+        look = observe(m.law, self.cellwise, self.real)
+        look(m.mu, m.lam, self.H, self.D, self.tau, self.scalars, self.volume, self.many, self.theta)
         energy, stretch = self.scalars.to_numpy().T
         return self.tau.to_numpy(), energy, stretch
 

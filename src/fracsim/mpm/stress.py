@@ -30,8 +30,8 @@ def shock(rate, K, inertia, dt):
 
 
 @ti.func
-def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K, J, C, d, mu, lam, eta, eta_max,
-          inertia, dt):  # fmt: skip
+def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K, J, theta, C, d, mu, lam, eta,
+          eta_max, inertia, dt):  # fmt: skip
     """The stress that `scatter` needs, and the viscous power a volume; inertia = density h^2.
 
     (1 - d) tau is the degraded Kirchhoff stress (Eq. 5); the viscosity adds eta (L + L^T), which for the affine
@@ -39,7 +39,7 @@ def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K
     is P = tau F^-T, what is damaged is less viscous too, and eta is at most what an explicit substep can bear; in the
     present one the result is tau. In `total`, where nodes keep their velocity, compression meets `shock` too.
     """
-    P = (1 - d) * law.piola(F, K, J, mu, lam)
+    P = (1 - d) * law.piola(F, K, J, theta, mu, lam)
     if ti.static(not total):
         P = P @ F.transpose()
     power = d * 0

@@ -93,21 +93,45 @@ def max_stretch(F, J, floor):
 
 
 @ti.func
-def _angle(a, b, c, d, e, f, p):
-    """A third of the angle whose cosine is det(deviator / p) / 2."""
+def _spectrum(m00, m11, m22, d, e, f):
+    """q, p and the angle of the eigenvalues q + 2 p cos(angle + 2 pi k / 3) of the symmetric matrix with these entries
+    and d, e, f at 01, 02, 12."""
+    q = (m00 + m11 + m22) / 3
+    a, b, c = m00 - q, m11 - q, m22 - q
+    p = ti.sqrt((a * a + b * b + c * c + 2 * (d * d + e * e + f * f)) / 6)
     det = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
     cosine = det / (2 * ti.max(p * p * p, 1e-30))
-    return ti.acos(ti.min(ti.max(cosine, -1), 1)) / 3
+    return q, p, ti.acos(ti.min(ti.max(cosine, -1), 1)) / 3
+
+
+@ti.func
+def largest_eigenvalue(M):
+    """The largest eigenvalue of a symmetric matrix."""
+    q, p, angle = _spectrum(M[0, 0], M[1, 1], M[2, 2], M[0, 1], M[0, 2], M[1, 2])
+    return q + 2 * p * ti.cos(angle)
+
+
+@ti.func
+def volumetric_bound(l, J, slope, curvature):
+    """Upper bound of the largest eigenvalue of d/dF (slope cof F), where slope = dU/dtheta has this derivative by J.
+
+    With a = 1 / l it is that of J (J curvature + slope) a a^T - J slope diag(a^2) for stretches and at most
+    |slope| J / (l2 l3) for shear; or, with K = cof F, that of curvature K (x) K + slope dK/dF, where no eigenvalue of
+    dK/dF is beyond 2 |F| / sqrt(3), which stays small where F is crushed. With theta the mean J of a cell's particles
+    both hold for all of them together, since the square of a mean is at most the mean of the squares.
+    """
+    s = 1 / l[2] ** 2
+    S, II = 1 / l[0] ** 2 + 1 / l[1] ** 2 + s, (l[0] * l[1]) ** 2 + (l[0] * l[2]) ** 2 + (l[1] * l[2]) ** 2
+    bulk = ti.max(curvature, 0)
+    by_stretches = J * (ti.max(J * bulk + slope, 0) * S + ti.max(-slope, 0) * s)
+    return ti.min(by_stretches, bulk * II + ti.abs(slope) * ti.sqrt(l.norm_sqr() * 4 / 3))
 
 
 @ti.func
 def principal_stretches(F):
     """The singular values of F, largest first."""
-    c00, c11, c22, c01, c02, c12 = gram(F)
-    q = (c00 + c11 + c22) / 3
-    a, b, c = c00 - q, c11 - q, c22 - q
-    p = ti.sqrt((a * a + b * b + c * c + 2 * (c01 * c01 + c02 * c02 + c12 * c12)) / 6)
-    angle = _angle(a, b, c, c01, c02, c12, p)
+    a, b, c, d, e, f = gram(F)
+    q, p, angle = _spectrum(a, b, c, d, e, f)
     largest = q + 2 * p * ti.cos(angle)
     least = q + 2 * p * ti.cos(angle + 2 * math.pi / 3)
     tiny = 1e-6

@@ -12,7 +12,7 @@ from fracsim import registry
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import stable
 from fracsim.records import Array, Particles
-from fracsim.verify.stage import free, lattice, particles
+from fracsim.verify.stage import free, lattice, ordered, particles
 from fracsim.vocab import CENTRE, Backend, Capture, Fracture, Loading, Material, Scene, Solver
 
 CELLS, E, DENSITY = 50, 1e4, 200.0
@@ -99,7 +99,7 @@ def _prepare(setting: Setting, scene: Scene) -> tuple[State, Array]:
     h, spacing = scene.solver.h, scene.solver.spacing
     if setting.object == "stretched":
         return _stretched(scene)
-    X = lattice((4 * h,) * 3, spacing) if setting.object == "block" else np.array([[1.003, 1.005, 0.998]])
+    X = ordered(lattice((4 * h,) * 3, spacing), h) if setting.object == "block" else np.array([[1.003, 1.005, 0.998]])
     aside = np.array([[0.4, 0, 0]])
     state = free(scene, particles(np.concatenate([X, CENTRE + aside, CENTRE - aside]).astype(np.float32), spacing))
     return state, np.tile(np.eye(3), (state.n, 1, 1))
@@ -113,7 +113,7 @@ def _stretched(scene: Scene) -> tuple[State, Array]:
     """
     h, spacing = scene.solver.h, scene.solver.spacing
     scene.loading = Loading(offset=4.5 * h, thickness=5 * h, speed=1e-12)
-    bar = particles(lattice((10 * h, 4 * h, 4 * h), spacing), spacing)
+    bar = particles(ordered(lattice((10 * h, 4 * h, 4 * h), spacing), h), spacing)
     side = _sides(State(scene, bar))
     F = np.diag([2.0, side, side])
     state = State(scene, bar if scene.solver.formulation == "total" else _moved(bar, side))

@@ -55,7 +55,7 @@ def ordered(X: Array, h: float) -> Array:
 
 def bar(solver: Solver, size: tuple[float, float, float] = (0.6, 0.2, 0.2)) -> Particles:
     """A bar along x, filled at the solver's spacing."""
-    return particles(lattice(size, solver.spacing), solver.spacing)
+    return particles(ordered(lattice(size, solver.spacing), solver.h), solver.spacing)
 
 
 def scene(solver: Solver, material: Material, X: Array) -> Scene:

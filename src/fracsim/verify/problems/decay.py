@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import free, lattice, particles, put, scene
+from fracsim.verify.stage import free, lattice, ordered, particles, put, scene
 from fracsim.vocab import DT0, Material
 
 RATE, DURATION, SUBSTEPS = 5.0012504, 1.0, 2000
@@ -20,7 +20,7 @@ def speed(mode: str, substeps: int, dt: float) -> float:
 def run(setting: Setting) -> Iterator[Check]:
     """After 1 s about 0.7 % of the velocity is left."""
     solver = setting.solver(50)
-    X = lattice((0.16,) * 3, solver.spacing)
+    X = ordered(lattice((0.16,) * 3, solver.spacing), solver.h)
     state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3, decay=RATE), X), particles(X, solver.spacing))
     put(state, V=[0.02, 0.0, 0.0])
     state.run(SUBSTEPS, DURATION / SUBSTEPS, 0.0)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fracsim.verify.problem import Check, Setting, absolute, relative, told
-from fracsim.verify.stage import advance, angular_momentum, free, kinetic, lattice, particles, put, scene
+from fracsim.verify.stage import advance, angular_momentum, free, kinetic, lattice, ordered, particles, put, scene
 from fracsim.vocab import Material
 
 E, NU, DENSITY, OMEGA, SIZE = 1e4, 0.3, 200.0, 2 * np.pi, 0.12
@@ -20,7 +20,7 @@ def centrifugal_strain() -> float:
 def run(setting: Setting) -> Iterator[Check]:
     """One turn in 1 s of three cells a side."""
     solver = setting.solver(50)
-    X = lattice((SIZE,) * 3, solver.spacing)
+    X = ordered(lattice((SIZE,) * 3, solver.spacing), solver.h)
     state = free(scene(solver, Material(law="neo_hookean", E=E, nu=NU), X), particles(X, solver.spacing))
     spin = OMEGA * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
     put(state, V=state.X0.astype(float) @ spin.T, C=spin)

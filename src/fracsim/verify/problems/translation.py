@@ -6,7 +6,7 @@ import numpy as np
 
 from fracsim.records import Array
 from fracsim.verify.problem import Check, Setting, absolute, relative
-from fracsim.verify.stage import advance, free, lattice, momentum, particles, put, scene
+from fracsim.verify.stage import advance, free, lattice, momentum, ordered, particles, put, scene
 from fracsim.vocab import Material
 
 VELOCITY = np.array([5.0, 2.0, -1.0])
@@ -20,7 +20,7 @@ def displacement(t: float) -> Array:
 def run(setting: Setting) -> Iterator[Check]:
     """F stays I, v stays v, momentum is kept; to round-off."""
     solver = setting.solver(50)
-    X = lattice((0.16,) * 3, solver.spacing)
+    X = ordered(lattice((0.16,) * 3, solver.spacing), solver.h)
     state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3), X), particles(X, solver.spacing))
     put(state, V=VELOCITY)
     before, t = momentum(state), 100 * solver.h / np.linalg.norm(VELOCITY)
