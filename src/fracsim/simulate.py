@@ -25,9 +25,9 @@ ROUND = 16
 RISKY = 1.2
 """Below this stretch the grid of `updated` does not tear anything."""
 MAX_CLAMPED = 1e-2
-"""Fraction of particles whose J may be clamped in a substep before the run stops. Once something has failed it may be
-more for as long as a wave takes through the object: so long a piece of half its length that recoils into its grip is
-pressed there, until the wave is back from its free end."""
+"""Fraction of particles whose J may be clamped in a substep before the run stops. With dt auto it may be more, once
+something has failed, for as long as a wave takes through the object: so long a piece of half its length that recoils
+into its grip is pressed there, until the wave is back from its free end."""
 PATIENCE = 100
 """With dt auto, a run stops that has taken this many times the substeps that all of it takes at rest."""
 
@@ -81,10 +81,11 @@ class Simulator:
         self.fragment = np.zeros(len(self.particles), np.int64)
         self.dt, self.sound = math.inf, 0.0
         length = float(np.ptp(along(scene.loading, self.particles.X)))
-        self.crossing = length * math.sqrt(scene.material.density / scene.material.E)
         at_rest = limit(scene, rest_stiffness(scene), scene.loading.speed, 0.0)
-        auto = isinstance(scene.solver.dt, str) and at_rest > 0
-        self.most = PATIENCE * max(scene.capture.duration / at_rest, 1) if auto else math.inf
+        self.crossing, self.most = 0.0, math.inf
+        if isinstance(scene.solver.dt, str) and at_rest > 0:
+            self.crossing = length * math.sqrt(scene.material.density / scene.material.E)
+            self.most = PATIENCE * max(scene.capture.duration / at_rest, 1)
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""

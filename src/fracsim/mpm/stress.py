@@ -4,6 +4,8 @@ import taichi as ti
 
 SHOCK = 1.5
 """Shock viscosity is a pressure of this times density (h dJ/dt)^2; 1.5 to 2 is usual."""
+COMPRESSED = 0.8
+"""Volume ratio below which it acts: that of a recoil, beyond what pulling an object does to it."""
 
 
 @ti.func
@@ -37,27 +39,25 @@ def force(law: ti.template(), total: ti.template(), viscous: ti.template(), F, K
     (1 - d) tau is the degraded Kirchhoff stress (Eq. 5); the viscosity adds eta (L + L^T), which for the affine
     velocity C of the present configuration is RPIC damping exactly. In the rest configuration L = C F^-1, the result
     is P = tau F^-T, what is damaged is less viscous too, and eta is at most what an explicit substep can bear; in the
-    present one the result is tau. In `total`, where nodes keep their velocity, compression meets `shock` too.
+    present one the result is tau. In `total`, where nodes keep their velocity, what is compressed meets `shock` too.
     """
-    P = (1 - d) * law.piola(F, K, J, theta, mu, lam)
+    q, power = d * 0, d * 0
+    if ti.static(total):
+        rate = (C * K).sum()
+        if J < COMPRESSED and rate < 0:
+            q = shock(rate, K, inertia, dt)
+            power = -q * rate
+    P = (1 - d) * law.piola(F, K, J, theta, mu, lam) - q * K
     if ti.static(not total):
         P = P @ F.transpose()
-    power = d * 0
     if ti.static(viscous and total):
         JL = C @ K.transpose()
         twice_JD = JL + JL.transpose()
         s = ti.min((1 - d) * eta / (J * J), eta_max / stiffening(F, K, J))
-        power = s / 2 * twice_JD.norm_sqr()
+        power += s / 2 * twice_JD.norm_sqr()
         P += s * (twice_JD @ K)
     elif ti.static(viscous):
         twice_D = C + C.transpose()
         power = eta / 2 * twice_D.norm_sqr()
         P += eta * twice_D
-    if ti.static(total):
-        if J < 1:
-            rate = (C * K).sum()
-            if rate < 0:
-                q = shock(rate, K, inertia, dt)
-                power -= q * rate
-                P -= q * K
     return P, power
