@@ -12,9 +12,9 @@ from fracsim.vocab import Scene
 
 POINTS = 1000
 """Stretches at which a bar is looked at, from 1 to lambda_crit."""
-BESIDE = 2.3
-"""Cells beside a crack that were damaged up to the peak of the load before strain localised (measured, see
-`python -m fracsim.bench mesh`)."""
+BESIDE = 1.2
+"""Length along which material was damaged up to the peak of the load before strain localised into a band of one cell,
+over `fracture.length` (measured, see `python -m fracsim.bench mesh`): it belongs to the object, not to the cells."""
 MOST = 10.0
 """The largest lambda_crit of a scene."""
 
@@ -46,12 +46,11 @@ class Bar:
         """Work to break a unit of volume [J/m^3]."""
         return float(np.trapezoid(self.stress, self.stretch))
 
-    @property
-    def parting(self) -> float:
-        """Work to part a section one cell thick [J/m^3]: that of the band and that of the damage beside it."""
+    def parting(self, h: float, length: float) -> float:
+        """Work to part a section [J/m^2]: that of a band one cell of h [m] wide and that of the damage beside it."""
         energy = np.concatenate([[0.0], np.cumsum((self.intact[1:] + self.intact[:-1]) / 2 * np.diff(self.stretch))])
         peak = int(self.stress.argmax()) + 1
-        return self.work + BESIDE * float(np.trapezoid(energy[:peak], self.damage[:peak]))
+        return h * self.work + BESIDE * length * float(np.trapezoid(energy[:peak], self.damage[:peak]))
 
 
 def bar(scene: Scene, crit: float | None = None) -> Bar:
@@ -75,15 +74,19 @@ def regularised(scene: Scene) -> Scene:
     f, h = scene.fracture, scene.solver.h
     if not f.length:
         return scene
-    wanted = bar(scene).parting * f.length / h
+
+    def parting(crit: float) -> float:
+        return bar(scene, crit).parting(h, f.length)
+
+    wanted = bar(scene).parting(f.length, f.length)
     low, high = f.onset * (1 + 1e-6), MOST
-    if bar(scene, high).parting < wanted:
+    if parting(high) < wanted:
         raise ValueError(
             f"fracture.length={f.length:g} m with cells of {h:.3g} m asks for a lambda_crit above {MOST:g}: use fewer "
             "solver.cells or a smaller fracture.length."
         )
-    if bar(scene, low).parting > wanted:
-        largest = f.length * bar(scene).parting / bar(scene, low).parting
+    if parting(low) > wanted:
+        largest = wanted / bar(scene, low).parting(1.0, 0.0)
         raise ValueError(
             f"fracture.length={f.length:g} m cannot be kept by cells of {h:.3g} m: they take more work to reach "
             f"fracture.onset={f.onset:g} than it leaves. Use cells of at most {largest:.3g} m (solver.cells) or a "
@@ -91,5 +94,5 @@ def regularised(scene: Scene) -> Scene:
         )
     for _ in range(30):
         crit = (low + high) / 2
-        low, high = (crit, high) if bar(scene, crit).parting < wanted else (low, crit)
+        low, high = (crit, high) if parting(crit) < wanted else (low, crit)
     return replace(scene, fracture=replace(f, crit=high, length=0.0))

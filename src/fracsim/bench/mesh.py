@@ -18,8 +18,8 @@ H = 2 / COARSE
 THRESHOLDS = {"low stretch": ("fixed_corotated", 0.3, Fracture(onset=1.5, crit=2.3), 0.1),
               "high stretch": ("neo_hookean", 0.45, Fracture(onset=2.6, crit=3.0), 0.3)}  # fmt: skip
 """Law, Poisson's ratio, thresholds, and speed of each grip [m/s] at E = 2e3 Pa."""
-SHIFTS = (0.1, 0.6)
-"""Places of the notch [particle spacings]: whether the band is two or three particles wide depends on it."""
+SHIFTS = (0.1, 0.6, 1.1, 1.6)
+"""Places of the notch [particle spacings], all that differ within a cell: the width of the band depends on it."""
 
 
 def parting(law: str, nu: float, fracture: Fracture, speed: float, cells: int, shift: float) -> tuple[float, float]:
@@ -56,7 +56,7 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
                 works.append(float(found[:, 0].mean()))
                 what = f"{name}, fracture.length={length:g}"
                 yield Row(what, f"h = {2 / cells:g} m: work to part a section", works[-1], "J/m^2")
-                yield Row(what, f"h = {2 / cells:g} m: half the range over two places of the notch",
+                yield Row(what, f"h = {2 / cells:g} m: half the range over the places of the notch",
                           float(np.ptp(found[:, 0]) / 2), "J/m^2")  # fmt: skip
                 yield Row(what, f"h = {2 / cells:g} m: nominal stretch at the break", float(found[:, 1].mean()), "1")
             spread = (max(works) - min(works)) / float(np.mean(works))

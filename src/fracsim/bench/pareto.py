@@ -29,6 +29,7 @@ KNOBS = {
     "projection=2": ("solver.projection=2",),
     "projection=every": ("solver.projection=every",),
     "projection=every, safety=0.4": ("solver.projection=every", "solver.safety=0.4"),
+    "pressure=particle": ("solver.pressure=particle",),
     "precision=float64": ("solver.precision=float64",),
     "formulation=updated": ("solver=updated",),
     "updated, 4 particles": ("solver=updated", "solver.particles_per_axis=4"),

@@ -115,16 +115,17 @@ def largest_eigenvalue(M):
 def volumetric_bound(l, J, slope, curvature):
     """Upper bound of the largest eigenvalue of d/dF (slope cof F), where slope = dU/dtheta has this derivative by J.
 
-    With a = 1 / l it is that of J (J curvature + slope) a a^T - J slope diag(a^2) for stretches and at most
-    |slope| J / (l2 l3) for shear; or, with K = cof F, that of curvature K (x) K + slope dK/dF, where no eigenvalue of
-    dK/dF is beyond 2 |F| / sqrt(3), which stays small where F is crushed. With theta the mean J of a cell's particles
-    both hold for all of them together, since the square of a mean is at most the mean of the squares.
+    With a = 1 / l it is that of (J curvature + slope) J a a^T - slope J diag(a^2) for stretches, and |slope| l1 for
+    shear. The first bound is sharp near rest; the other one, curvature |K|^2 + |slope| (l1 + l2), stays finite when l3
+    goes to zero. Where theta is the mean J of a cell's particles both still hold for all of them together, since the
+    square of a mean is at most the mean of the squares.
     """
     s = 1 / l[2] ** 2
-    S, II = 1 / l[0] ** 2 + 1 / l[1] ** 2 + s, (l[0] * l[1]) ** 2 + (l[0] * l[2]) ** 2 + (l[1] * l[2]) ** 2
-    bulk = ti.max(curvature, 0)
-    by_stretches = J * (ti.max(J * bulk + slope, 0) * S + ti.max(-slope, 0) * s)
-    return ti.min(by_stretches, bulk * II + ti.abs(slope) * ti.sqrt(l.norm_sqr() * 4 / 3))
+    S = 1 / l[0] ** 2 + 1 / l[1] ** 2 + s
+    c = ti.max(curvature, 0)
+    sharp = J * (ti.max(J * c + slope, 0) * S + ti.max(-slope, 0) * s)
+    K2 = (l[0] * l[1]) ** 2 + (l[0] * l[2]) ** 2 + (l[1] * l[2]) ** 2
+    return ti.min(sharp, c * K2 + ti.abs(slope) * (l[0] + l[1]))
 
 
 @ti.func
