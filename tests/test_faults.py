@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
 from collections import namedtuple
 from pathlib import Path
 from typing import Any
@@ -235,6 +234,7 @@ def test_ctrl_c_leaves_what_was_filmed(tmp_path: Path) -> None:
     assert f"{path}\n" in out
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_ctrl_c_is_not_lost_in_a_destructor() -> None:
     class Noisy:
         def __del__(self) -> None:
@@ -242,8 +242,7 @@ def test_ctrl_c_is_not_lost_in_a_destructor() -> None:
             time.sleep(0.01)
 
     before = signal.getsignal(signal.SIGINT)
-    with warnings.catch_warnings(), Interrupt() as interrupt:
-        warnings.simplefilter("ignore", pytest.PytestUnraisableExceptionWarning)
+    with Interrupt() as interrupt:
         interrupt.check()
         Noisy()
         with pytest.raises(KeyboardInterrupt):
