@@ -150,8 +150,9 @@ def test_a_substep_is_timed_in_a_process_of_its_own():
 
 def test_ratios_are_taken_within_a_round():
     """A machine that halves its speed in the second round changes no ratio."""
-    ns = {"plain": [900.0, 1800.0], "blocked": [110.0, 220.0], "fixed_corotated": [100.0, 200.0]}
-    *_, gain, share = substep.summary(ns, 81_000)
+    ns = {"plain": [900.0, 1800.0], "blocked": [110.0, 220.0], "fixed_corotated": [120.0, 240.0],
+          "fixed_corotated, pressure=particle": [100.0, 200.0]}  # fmt: skip
+    *_, gain, _, share = substep.summary(ns, 81_000)
     assert (gain.value, gain.met, share.met) == (9.0, "yes", "yes")
     assert share.value == pytest.approx(1 / 1.1)
 

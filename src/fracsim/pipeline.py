@@ -7,6 +7,7 @@ import numpy as np
 from fracsim import backend, console, registry, sample
 from fracsim.asset.build import build
 from fracsim.film import Film
+from fracsim.interrupt import Interrupt
 from fracsim.records import Frame, Particles
 from fracsim.sample import Writer
 from fracsim.simulate import SimulationError, Simulator, ready
@@ -60,17 +61,19 @@ def _shoot(
     tracked = np.zeros(0, int)
     frames = iter(watch.timed("simulate", simulator.frames()))
     try:
-        for frame in frames:
-            with watch("render"):
-                picture = film.shoot(frame, simulator.particles)
-            if frame.index == 0:
-                tracked = film.choose_tracks(frame, simulator.particles, picture)
-                writer.track(tracked)
-            with watch("write"):
-                tracks = film.tracks(frame, tracked, picture) if len(tracked) else None
-                writer.add(frame.index, picture.rgb, picture.alpha, picture.maps, tracks)
-                _extras(scene, writer.folder, frame, simulator.particles)
-            progress.frame(frame.index)
+        with Interrupt() as interrupt:
+            for frame in frames:
+                with watch("render"):
+                    picture = film.shoot(frame, simulator.particles)
+                if frame.index == 0:
+                    tracked = film.choose_tracks(frame, simulator.particles, picture)
+                    writer.track(tracked)
+                with watch("write"):
+                    tracks = film.tracks(frame, tracked, picture) if len(tracked) else None
+                    writer.add(frame.index, picture.rgb, picture.alpha, picture.maps, tracks)
+                    _extras(scene, writer.folder, frame, simulator.particles)
+                progress.frame(frame.index)
+                interrupt.check()
     except (SimulationError, KeyboardInterrupt) as error:
         if not writer.frames:
             raise

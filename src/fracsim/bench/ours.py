@@ -10,10 +10,10 @@ from fracsim.vocab import CENTRE, Backend, Scene, Solver
 
 
 class Ours:
-    """The particles of a bar in a `State`; `threads` as in Backend, 0 = all cores."""
+    """The particles of a bar in a `State`; `pressure` as in Solver, `threads` as in Backend, 0 = all cores."""
 
-    def __init__(self, X: Array, v: Array, cells: int, law: str, threads: int) -> None:
-        solver = Solver(cells=cells, damping="per_substep")
+    def __init__(self, X: Array, v: Array, cells: int, law: str, pressure: str, threads: int) -> None:
+        solver = Solver(cells=cells, pressure=pressure, damping="per_substep")
         scene = Scene(material=bar.material(law), solver=solver, backend=Backend(threads=threads))
         by = order((X - np.asarray(CENTRE)) / solver.h)
         self.state = State(scene, particles(X[by], solver.spacing))
