@@ -219,7 +219,7 @@ def test_what_recoils_into_its_grip_may_be_crushed_for_a_while_and_recovers(numb
 
 
 def test_a_run_that_would_hardly_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Here after half the substeps that all of it takes at rest; sensible scenes of the study take up to 20 times."""
+    """Here after half the substeps that all of it takes at rest; sensible scenes of the study take up to 4 times."""
     monkeypatch.setattr("fracsim.simulate.PATIENCE", 0.5)
     case = plain()
     case.scene["loading"]["speed"] = 2.0
