@@ -20,7 +20,6 @@ KNOBS = {
     "cells=100": ("solver.cells=100",),
     "cells=120": ("solver.cells=120",),
     "particles_per_axis=1.5": ("solver.particles_per_axis=1.5",),
-    "cells=100, particles_per_axis=1.5": ("solver.cells=100", "solver.particles_per_axis=1.5"),
     "particles_per_axis=3": ("solver.particles_per_axis=3",),
     "safety=0.95": ("solver.safety=0.95",),
     "safety=0.6": ("solver.safety=0.6",),
