@@ -11,6 +11,8 @@ import taichi as ti
 
 from fracsim.mpm.tensor import cofactor, deformed, volume_ratio
 
+PAGE = 256
+"""Places of a thread at least, 4 KiB in float32: what two threads write nearer to each other they write more slowly."""
 KEPT = 4
 """Places for v and C of a particle, four numbers each; one stays empty, so that a place is found without division."""
 

@@ -10,7 +10,7 @@ import taichi as ti
 
 from fracsim import backend
 from fracsim.mpm import params as slot
-from fracsim.mpm.dilatation import KEPT
+from fracsim.mpm.dilatation import KEPT, PAGE
 from fracsim.mpm.grips import half_reach, owners, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, apart, crowds, layout
@@ -116,7 +116,9 @@ class State:
         self.many, self.theta = ti.ndarray(ti.i32, len(many)), ti.ndarray(self.real, len(many))
         self.many.from_numpy(many)
         self.theta.from_numpy(np.ones(len(many), self.dtype))
-        self.wait = ti.Vector.ndarray(4, self.real, (self.chunks, KEPT << max(int(many.max()) - 1, 0).bit_length()))
+        self.wait = ti.Vector.ndarray(
+            4, self.real, (self.chunks, max(PAGE, KEPT << max(int(many.max()) - 1, 0).bit_length()))
+        )
         self.wait.from_numpy(np.zeros((*self.wait.shape, 4), self.dtype))
 
     def _fill_parameters(self) -> None:
