@@ -17,7 +17,6 @@ import trimesh
 
 from fracsim import Material, Scene, __main__, compose, configs, pipeline, sample
 from fracsim.asset import ply
-from fracsim.interrupt import Interrupt
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.report import Report
@@ -232,22 +231,6 @@ def test_ctrl_c_leaves_what_was_filmed(tmp_path: Path) -> None:
     (path,) = samples(tmp_path)
     assert check_incomplete(path, reason="interrupted by the user") >= 3
     assert f"{path}\n" in out
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_ctrl_c_is_not_lost_in_a_destructor() -> None:
-    class Noisy:
-        def __del__(self) -> None:
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.01)
-
-    before = signal.getsignal(signal.SIGINT)
-    with Interrupt() as interrupt:
-        interrupt.check()
-        Noisy()
-        with pytest.raises(KeyboardInterrupt):
-            interrupt.check()
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_killed_run_is_never_taken_for_a_sample(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def order(y: Array) -> Array:
 
 def crowds(y: Array) -> Array:
     """How many particles the cell has whose first one each is, otherwise 0, (N,) int32, for sorted particles at y
-    [cells]; they need not be sorted by `order`, which leaves more cells than there are."""
+    [cells]; what is not sorted makes more cells than there are."""
     cell = np.floor(y - 0.5).astype(np.int64)
     first = np.flatnonzero(np.append(True, (np.diff(cell, axis=0) != 0).any(axis=1)))
     many = np.zeros(len(y), np.int32)
