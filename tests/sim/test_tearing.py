@@ -8,6 +8,7 @@ import pytest
 from fracsim import Asset, Capture, Fracture, Loading, Material, Solver
 from fracsim.asset.build import build
 from fracsim.cohesion import Cohesion
+from fracsim.mpm.layout import apart, layout
 from fracsim.mpm.state import State
 from fracsim.records import Particles
 from fracsim.ride import Ride
@@ -199,6 +200,21 @@ def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
     state.split(label)
     state.run(1, 1e-9, 0.0)
     assert np.allclose(total(state), before, rtol=1e-6)
+
+
+def test_fragments_lie_aside_in_their_own_planes_although_positions_are_rounded() -> None:
+    """Particles on faces of cells, in float32: each keeps its cell, and each plane of nodes has one fragment."""
+    h, rng = 0.02, np.random.default_rng(0)
+    face = h * (rng.integers(-40, 40, 2000) + 0.5)
+    x = np.stack([face + rng.choice([-1e-8, 0, 1e-8], 2000), *rng.normal(size=(2, 2000))], axis=1).astype(np.float32)
+    label = rng.integers(0, 5, 2000)
+    out, moved, fragment = apart(x, label, h)
+    cell, now = (np.floor(y[:, 0] / h - 0.5).astype(int) for y in (x, out))
+    assert (now == cell + moved[label]).all()
+    laid = layout(out / h, 1, 0)
+    assert laid.shape[0] == len(fragment)
+    for plane in range(3):
+        assert (fragment[now + plane - laid.lowest[0]] == label).all()
 
 
 def test_fragments_that_are_held_outlast_larger_crumbs() -> None:

@@ -6,6 +6,9 @@ import numpy as np
 
 from fracsim.records import Array
 
+SPARE = 1
+"""Planes of nodes around the box: a kernel may round a particle on the face of a cell into the next one, where it finds
+one plane more, of no weight."""
 BLOCK = 4
 """Particles are sorted by blocks of BLOCK^3 cells, so that neighbours in space are neighbours in memory."""
 
@@ -72,9 +75,9 @@ def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> La
     """The layout for particles at y [cells from the object's centre], valid until one moves by `margin` cells; chunks
     begin with one of the particles `heads`, if these are given."""
     cell = np.floor(y - 0.5).astype(np.int64)
-    lowest = cell.min(axis=0) - margin
+    lowest = cell.min(axis=0) - margin - SPARE
     cell -= lowest
-    shape = tuple(int(s) for s in cell.max(axis=0) + 3 + margin)
+    shape = tuple(int(s) for s in cell.max(axis=0) + 3 + margin + SPARE)
     start = np.linspace(0, len(y), chunks + 1).astype(np.int32)
     if heads is not None:
         start = np.append(heads, len(y))[np.searchsorted(heads, start)].astype(np.int32)
@@ -87,7 +90,7 @@ def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> La
         x = cell[start[c] : start[c + 1], 0]
         if not len(x):
             continue
-        first, last = int(x.min()) - margin, int(x.max()) + 3 + margin
+        first, last = int(x.min()) - margin - SPARE, int(x.max()) + 3 + margin + SPARE
         shift[c] = total - first * sx
         mine = (plane >= first) & (plane < last)
         source[mine, c] = nodes[mine] + shift[c]
@@ -109,9 +112,21 @@ def apart(x: Array, label: Array, h: float) -> tuple[Array, Array, Array]:
     planes = high - low + 3
     first = np.concatenate([[0], np.cumsum(planes)[:-1]]) + low[0]
     moved = first - low
-    out = x.copy()
-    out[:, 0] += (moved[owner] * h).astype(x.dtype)
-    return out, moved, np.repeat(np.arange(count), planes)
+    planes[0] += SPARE
+    planes[-1] += SPARE
+    return _shifted(x, cell + moved[owner], moved[owner], h), moved, np.repeat(np.arange(count), planes)
+
+
+def _shifted(x: Array, cell: Array, by: Array, h: float) -> Array:
+    """Positions moved along x `by` cells, each into its `cell`: what lies on the face of one may be rounded across."""
+    out: Array = x.copy()
+    out[:, 0] += (by * h).astype(x.dtype)
+    for _ in range(8):
+        wrong = np.sign(cell - np.floor(out[:, 0] / h - 0.5))
+        if not wrong.any():
+            break
+        out[:, 0] = np.where(wrong == 0, out[:, 0], np.nextafter(out[:, 0], (wrong * 9e9).astype(x.dtype)))
+    return out
 
 
 def _near(cell: Array, shape: tuple[int, ...], margin: int) -> Array:
