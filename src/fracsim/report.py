@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fracsim.mpm import params as slot
+from fracsim.mpm.grips import along
 from fracsim.records import Array, Frame, Particles
 from fracsim.vocab import Scene
 
@@ -81,6 +82,12 @@ class Report:
         self.volume = particles.volume.astype(np.float64)
         self.exempt = int((tag >= slot.EXEMPT).sum())
         self.free = tag < slot.EXEMPT
+        between = np.abs(along(scene.loading, particles.X)) < scene.loading.offset
+        if not self.free[between].any():
+            self.warnings.append(
+                "nothing between the grips can tear: all of it is within 1.5 h of one and gathers no damage; use a "
+                "larger loading.offset, more solver.cells or fracture.at_grips=true"
+            )
         self.history, self.books = History(), Books(*([0.0] * 8))
         self.substeps = self.clamped = 0
         self.crumbled = 0.0

@@ -9,6 +9,7 @@ import taichi as ti
 from fracsim import Fracture, Loading, Material, Solver, registry
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
+from fracsim.simulate import Simulator
 from fracsim.verify.problems import damage_history
 
 from .bars import free, lattice, particles, scene
@@ -83,3 +84,13 @@ def test_grip_particles_are_exempt_unless_asked() -> None:
     s = np.abs(body.X[:, 0].astype(float) - 1)
     assert ((off >= slot.EXEMPT) == (np.abs(s - 0.15) <= 0.025 + 1.5 * solver.h)).all()
     assert (on < slot.EXEMPT).all()
+
+
+@pytest.mark.parametrize(("offset", "at_grips", "told"), [(0.15, False, 0), (0.06, False, 1), (0.06, True, 0)])
+def test_a_pull_that_cannot_tear_says_so(offset: float, at_grips: bool, told: int) -> None:
+    """At h = 0.04 m all within 0.025 + 0.06 m of a grip's middle is exempt, so all between grips 0.12 m apart."""
+    solver = Solver(cells=50)
+    body = particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing)
+    loading = Loading(offset=offset, thickness=0.05)
+    s = scene(solver=solver, loading=loading, fracture=Fracture(at_grips=at_grips))
+    assert sum("nothing between the grips can tear" in w for w in Simulator(s, body).report.warnings) == told
