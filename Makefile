@@ -49,7 +49,7 @@ studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is
 	$(RUN) fracsim.bench pareto published thresholds mesh skips
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
-	$(RUN) fracsim.verify
+	$(RUN) fracsim.verify --formulation both
 
 stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and check what comes of them
 	$(RUN) fracsim.stress

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from fracsim.configs import compose
 from fracsim.knob import describe
+from fracsim.sample import sample_id
 from fracsim.vocab import Scene
 
 ROOT = Path(__file__).parents[1]
@@ -38,3 +40,10 @@ def test_pictures_in_readme_exist() -> None:
     text = (ROOT / "README.md").read_text()
     for path in re.findall(r"\]\((docs/[^)]+)\)|src=\"(docs/[^\"]+)\"", text):
         assert (ROOT / (path[0] or path[1])).exists(), path
+
+
+def test_the_sample_that_readme_reads_is_that_of_make_demo() -> None:
+    """Its folder is named after the scene: a new field or another default gives it a new name."""
+    (overrides,) = re.findall(r"fracsim (capture\.frames=\d+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    (folder,) = re.findall(r'sample\.read\("outputs/(\w+)"\)', (ROOT / "README.md").read_text())
+    assert folder == sample_id(compose(overrides))

@@ -136,8 +136,9 @@ class Solver:
     projection: float | int | str = knob(
         0.5, "how often velocities are projected on the particles while a wave crosses a cell (total); every: each "
         "substep, as APIC does", least=0, most=1e3, choices=("every",))  # fmt: skip
-    pressure: str = knob("cell", "cell: that of the mean J of the particles that share a cell at rest, which does not "
-                         "lock near nu = 0.5 (total); particle: its own J", choices=("cell", "particle"))  # fmt: skip
+    pressure: str = knob("auto", "cell: that of the mean J of the particles that share a cell at rest, which does not "
+                         "lock near nu = 0.5; particle: that of its own J; auto: cell in total, particle in updated",
+                         choices=("auto", "cell", "particle"))  # fmt: skip
     damping: str = knob("physical", "physical: viscosity and decay rate; per_substep: the paper's factors each "
                         "substep, whatever dt is; none", choices=("physical", "per_substep", "none"))  # fmt: skip
     precision: str = knob("float32", "floating-point type of the simulation", choices=("float32", "float64"))
@@ -151,6 +152,11 @@ class Solver:
         self.dt, self.projection = (v if isinstance(v, str) else float(v) for v in (self.dt, self.projection))
         if self.walls and self.formulation == "total":
             raise ValueError("solver.walls=true needs the present positions: set solver.formulation=updated.")
+        if self.pressure == "cell" and self.formulation == "updated":
+            raise ValueError(
+                "solver.pressure=cell needs cells that keep their particles: set solver.formulation=total, or "
+                "solver.pressure=auto."
+            )
         if self.until == "settled" and self.formulation == "updated":
             raise ValueError("solver.until=settled needs fragments that are known: set solver.formulation=total.")
 
@@ -158,6 +164,11 @@ class Solver:
     def h(self) -> float:
         """Cell size [m]."""
         return DOMAIN / self.cells
+
+    @property
+    def cellwise(self) -> bool:
+        """Whether the particles of a cell share one pressure."""
+        return self.formulation == "total" and self.pressure != "particle"
 
     @property
     def spacing(self) -> float:

@@ -51,10 +51,11 @@ def main(words: Sequence[str] | None = None) -> int:
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
     names = wanted.names or list(PARTS)
     parts = [name for name in names if name in PARTS]
+    some = f"{'_'.join(parts)}_" if set(parts) < set(PARTS) else ""  # never in the place of the whole
     rows: dict[str, list[Row]] = {}
     for k, name in enumerate(names, 1):
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
-        file = plan.name if name in PARTS else f"{name}_{plan.name}"
+        file = f"{some}{plan.name}" if name in PARTS else f"{name}_{plan.name}"
         found = PARTS[name](plan) if name in PARTS else study(name)(wanted.out, wanted.quick)
         rows.setdefault(file, [])
         with console.status(name) as status:

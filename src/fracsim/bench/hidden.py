@@ -21,7 +21,7 @@ from fracsim.simulate import Simulator
 from fracsim.vocab import Scene
 
 PHASES = {8: "unbroken", 16: "tearing", 40: "broken"}
-"""Frames of the default loaf, which parts at frame 17."""
+"""Frames of the default loaf, which parts at frame 18."""
 REPEATS = 15
 
 

@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("name", choices=("ours", "plain", "blocked"))
     parser.add_argument("threads", type=int)
     parser.add_argument("--law", default="fixed_corotated")
-    parser.add_argument("--pressure", default="cell")
+    parser.add_argument("--pressure", default="auto")
     parser.add_argument("--cells", type=int, required=True)
     parser.add_argument("--substeps", type=int, required=True)
     words = parser.parse_args()

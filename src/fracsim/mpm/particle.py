@@ -111,13 +111,15 @@ def particle_function(
         raw = damage.raw(F, J, K[ONSET], K[CRIT])
         if raw > b.D[p]:
             middle = (before + F) / 2
-            own = middle.determinant()
-            psi = law.psi(middle, own, K[MU], K[LAM])
+            J_middle = middle.determinant()
+            psi = J_middle * 0
             if ti.static(cellwise):  # what is damaged counts less in its cell's mean: dU/dtheta (J - theta) besides
                 theta, step = b.theta[p], 1 / 64
                 up = law.psi(middle, theta + step, K[MU], K[LAM])
                 down = law.psi(middle, theta - step, K[MU], K[LAM])
-                psi = (up + down) / 2 + (up - down) / (2 * step) * (own - theta)
+                psi = (up + down) / 2 + (up - down) / (2 * step) * (J_middle - theta)
+            else:
+                psi = law.psi(middle, J_middle, K[MU], K[LAM])
             tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * psi)
             b.D[p] = raw
 

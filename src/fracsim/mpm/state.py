@@ -75,7 +75,7 @@ class State:
         self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
         self.wide = ti.f64 if backend.has_doubles(scene.backend) else ti.f32
         self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
-        self.cellwise = self.total and scene.solver.pressure == "cell"
+        self.cellwise = scene.solver.cellwise
         self.kept: list[Any] = []
         self.velocity: Any = None
         self.copies: Any = None

@@ -109,6 +109,7 @@ def _moderate(d: Draft) -> None:
     d.set("solver.formulation", d.choose("total", "updated"))
     d.set("solver.cells", int(d.rng.integers(30, 80)))
     d.set("solver.particles_per_axis", 2.0)
+    d.set("solver.pressure", "auto" if d.case.number % 3 else "particle")
     d.set("solver.precision", d.choose("float32", "float32", "float32", "float64"))
     d.set("solver.max_speed", d.choose(500.0, 1e5, 1e5))
     if d.rng.random() < 0.5:

@@ -98,6 +98,7 @@ def write(rows: Iterable[Check], folder: Path, name: str, quality: str) -> Path:
 def main(words: Sequence[str] | None = None) -> int:
     """Run, print and store; a missed tolerance is said in the table and is no error."""
     wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 150)
+    label = "_".join([wanted.quality, *([wanted.precision] if wanted.precision else []), *["quick"] * wanted.quick])
     backend.start(Backend(threads=1))
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         rows: list[Check] = []
@@ -105,10 +106,11 @@ def main(words: Sequence[str] | None = None) -> int:
             rows.extend(checks(wanted.only or problem.names(), settings(wanted), progress))
         except KeyboardInterrupt:
             console.print(table(rows))
-            console.print("interrupted: nothing is stored; --only NAME runs what is left", soft_wrap=True)
+            path = write(rows, wanted.out, f"{label}_part", wanted.quality)
+            console.print(f"interrupted: stored in {path}; --only NAME ... runs what is left", soft_wrap=True)
             return 130
     console.print(table(rows))
-    label = "_".join([wanted.quality, *([wanted.precision] if wanted.precision else []), *["quick"] * wanted.quick])
+    label += "_part" * bool(wanted.only)  # never in the place of the whole
     path = write(rows, wanted.out, label, wanted.quality)
     drawn = plots.draw(rows, wanted.out)
     met, asked = sum(row.ok == "yes" for row in rows), sum(row.ok != "" for row in rows)
