@@ -141,7 +141,7 @@ def test_the_command_prints_and_stores(tmp_path: Path, capsys: pytest.CaptureFix
     words = ["--quick", "--only", "translation", "axial_vibration", "--out", str(tmp_path)]
     assert main(words) == 0
     assert "tolerances met" in capsys.readouterr().out
-    with (tmp_path / "default_quick.csv").open(newline="") as file:
+    with (tmp_path / "default_quick_part.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["problem"] for row in rows} == {"translation", "axial_vibration"}
     assert all(row["commit"] and row["cpu"] and row["quality"] == "default" for row in rows)
