@@ -93,3 +93,9 @@ def test_a_nearly_incompressible_bar_does_not_lock() -> None:
     assert found[f"nu = 0.499: {rough}"] < 0.01
     assert found[f"nu = 0.499, pressure=particle: {stress}"] > 0.1
     assert found[f"nu = 0.499, pressure=particle: {rough}"] > 0.05
+
+
+def test_cells_of_updated_do_not_keep_their_particles() -> None:
+    assert not Solver(formulation="updated").cellwise
+    with pytest.raises(ValueError, match=r"solver\.pressure=cell needs .* solver\.formulation=total"):
+        Solver(formulation="updated", pressure="cell")

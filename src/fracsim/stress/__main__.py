@@ -61,6 +61,9 @@ def _study(wanted: argparse.Namespace, console: Console) -> int:
     """Run what is not in the journal yet and print the journal."""
     chosen = numbers(wanted.scenes, wanted.only or ())
     left = len(chosen) - len(journal(wanted.out, wanted.seed).keys() & set(chosen))
+    if left < len(chosen):
+        told = f"{len(chosen) - left} of {len(chosen)} scenes are known from {wanted.out}, whatever has changed since"
+        console.print(f"{told}: delete it, or use another --out, to run them again", soft_wrap=True)
     try:
         with _bar(console) as bar:
             task = bar.add_task("", total=left)
@@ -72,6 +75,10 @@ def _study(wanted: argparse.Namespace, console: Console) -> int:
     known = journal(wanted.out, wanted.seed)
     outcomes = [known[k] for k in chosen]
     console.print(table(outcomes))
+    good = [o for o in outcomes if o.sensible]
+    ended = [o for o in good if o.verdict == "finished"]
+    console.print(f"{len(good)} are sensible: {len(ended)} finished, {sum(o.parted for o in ended)} of them parted",
+                  soft_wrap=True)  # fmt: skip
     for line in lines(outcomes):
         console.print(line, soft_wrap=True)
     console.print(f"journal and wrong scenes in {wanted.out}", soft_wrap=True)
