@@ -113,7 +113,6 @@ def test_energy_from_nowhere_is_seen(watched: tuple[Simulator, Watch, Frame]) ->
     simulator.report.history.elastic[-1] -= 0.1 * work
     assert planted(watch, frame) == []
     simulator.report.history.elastic[-1] += 0.6 * work
-    assert planted(watch, frame) == []  # in one frame it may be something that snaps
     assert planted(watch, frame) == ["energy"]
 
 

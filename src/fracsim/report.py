@@ -109,7 +109,8 @@ class Report:
         self.history.dt.append(dt)
 
     def frame(self, frame: Frame, books: Books, energy: Array, stretch: float, kinetic: float, verdict: str) -> None:
-        """Add a frame; `energy` is the strain energy density (N,), `stretch` the largest one, `kinetic` in J."""
+        """Add a frame; `energy` is the strain energy density (N,), `stretch` the largest one, `kinetic` in J. Both
+        energies are those of the instant of the velocities."""
         h, load = self.history, self.scene.loading
         self.stretch_max = max(self.stretch_max, stretch)
         h.t.append(frame.t)
@@ -130,7 +131,8 @@ class Report:
         """Where the work went [J].
 
         `projection` is lost in projecting velocities on particles, `released` is what failed particles took along, and
-        `unaccounted` what no book explains: the error of the time integration.
+        `unaccounted` what no book explains: the error of the time integration. Velocities are those of half a substep
+        before a frame, and so are all energies.
         """
         h, b = self.history, self.books
         spent = {

@@ -9,6 +9,7 @@ import numpy as np
 from fracsim.backend import has_doubles
 from fracsim.cohesion import Cohesion
 from fracsim.mpm import params as slot
+from fracsim.mpm.energy import kinetic
 from fracsim.mpm.grips import along
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import MARGIN, Peaks, State
@@ -227,6 +228,7 @@ class Simulator:
         if self.scene.loading.grips == "rigid":
             v[held] = self.side[held, None] * self.scene.loading.speed * np.asarray(self.scene.loading.axis)
         tau, energy, stretch = s.observe()
+        energy -= s.K[slot.DT] / 2 * s.power  # as velocities are those of half a substep ago
         failed = d >= 1
         if s.total:
             self.ride(x, v, F, failed, self.fragment)
@@ -237,7 +239,7 @@ class Simulator:
         if self.scene.solver.until == "settled" and self.report.parted and not self.rest.settled:
             self.rest.look(s.V.to_numpy(), s.C.to_numpy(), failed, self.fragment)
             self.report.settled_frame = k if self.rest.settled else None
-        self.report.frame(frame, Books.of(s.booked()), energy, largest, s.kinetic(), verdict)
+        self.report.frame(frame, Books.of(s.booked()), energy, largest, float(kinetic(s).sum()), verdict)
         return frame
 
     def _part(self) -> None:
@@ -253,19 +255,16 @@ class Simulator:
         size = np.bincount(label[label >= 0])
         crumb = (label >= 0) & (size[label] < self.scene.solver.particles_per_axis**3) & (self.side == 0)
         if crumb.any():
-            self._book_crumbs(crumb)
+            before = self.report.volume @ self.state.observe()[1] + kinetic(self.state).sum()
             d[crumb], label[crumb] = 1, -1
             label[label >= 0] = np.unique(label[label >= 0], return_inverse=True)[1]  # without gaps again
             self.state.D.from_numpy(d)
+            after = self.report.volume @ self.state.observe()[1] + kinetic(self.state).sum()
+            self.report.crumbled += float(before - after)
         intact = label >= 0
         if (label[intact] != self.fragment[intact]).any():
             self.state.split(label)
         self.fragment = label
-
-    def _book_crumbs(self, crumb: Array) -> None:
-        """Book the energy of particles that leave the grid because their fragment is too small for it."""
-        elastic = self.report.volume * self.state.observe()[1]
-        self.report.crumbled += float((self.state.kinetic_of_particles() + elastic)[crumb].sum())
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted, and why; asked only until it has and once it can have."""

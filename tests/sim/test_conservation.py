@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fracsim import Backend, Capture, Fracture, Loading, Material, Solver
+from fracsim.mpm.energy import kinetic
 from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.simulate import Simulator
@@ -155,9 +156,9 @@ def kept(dt: float, projection: float | str) -> float:
     state = free(s, particles(ordered(lattice((0.2,) * 3, solver.spacing), solver.h), solver.spacing))
     state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)))
     state.run(1, 1e-6, 0.0)  # from now on the nodes know the velocities
-    before = state.kinetic()
+    before = kinetic(state).sum()
     state.run(round(4e-3 / dt), dt, 0.0)
-    return state.kinetic() / before
+    return float(kinetic(state).sum() / before)
 
 
 def test_damping_by_projection_does_not_depend_on_the_substep_unless_it_is_done_in_every_one() -> None:
@@ -174,15 +175,16 @@ def test_damping_by_projection_does_not_depend_on_the_substep_unless_it_is_done_
 
 @pytest.mark.parametrize("projection", [0.0, 0.5])
 def test_energy_of_a_tearing_bar_is_accounted_for(projection: float) -> None:
-    """Work of the grips = kinetic + elastic + damage + viscosity + decay + released + projection, within 2 %."""
+    """Work of the grips = kinetic + elastic + damage + viscosity + decay + released + projection, in each frame, whose
+    energies are all those of the instant of the velocities, half a substep before it. The rest, 0.9 %, is what the
+    particles' first velocities lose on the grid and what viscosity, explicit as it is, seems to take."""
     solver = Solver(cells=60, projection=projection)
     s = scene(material=Material(law="fixed_corotated", E=6e3, nu=0.25, viscosity=10, decay=5), solver=solver,
               fracture=Fracture(onset=1.5, crit=2.3), loading=Loading(offset=0.12, speed=0.5, thickness=0.06),
               capture=Capture(frames=40))  # fmt: skip
     simulator = Simulator(s, particles(lattice((0.4, 0.14, 0.14), solver.spacing), solver.spacing))
-    for _ in simulator.frames():
-        pass
+    left = [simulator.report.energy()["unaccounted"] for _ in simulator.frames()]
     assert simulator.report.break_frame is not None
     energy = simulator.report.energy()
     assert energy["damage"] > 0.1 * energy["grip_work"]
-    assert abs(energy["unaccounted"]) < 0.02 * energy["grip_work"]
+    assert np.abs(left).max() < 0.02 * energy["grip_work"]

@@ -7,12 +7,12 @@ import taichi as ti
 
 from fracsim.mpm.books import ask_to_halt, report_fault, tally
 from fracsim.mpm.bspline import stencil
+from fracsim.mpm.damaging import damaging
 from fracsim.mpm.dilatation import average, keep, kept
 from fracsim.mpm.grips import hold, led
 from fracsim.mpm.params import (
     ALPHA,
     CLAMPED,
-    CRIT,
     DAMAGED,
     DENSITY,
     DT,
@@ -28,7 +28,6 @@ from fracsim.mpm.params import (
     LZ,
     MAX_SPEED,
     MU,
-    ONSET,
     PROJECTED,
     RELEASED,
     RH,
@@ -40,7 +39,7 @@ from fracsim.mpm.params import (
 )  # fmt: skip
 from fracsim.mpm.stress import force
 from fracsim.mpm.tensor import J_MIN, cofactor, deformed, volume_ratio
-from fracsim.mpm.transfer import gather, kinetic, projection_loss, scatter
+from fracsim.mpm.transfer import gather, kinetic, kinetic_of_nodes, projection_loss, scatter
 from fracsim.registry import load
 
 
@@ -93,7 +92,7 @@ def particle_function(
     With `cellwise` the stress of a particle waits for the mean volume ratio of its cell (`fracsim.mpm.dilatation`).
     """
     law = load("fracsim.constitutive", law_name, "material.law")
-    damage = load("fracsim.damage", damage_name, "fracture.law")
+    damages = damaging(law_name, damage_name, real)
 
     @ti.func
     def locate(p, K: ti.template(), b: ti.template()):
@@ -106,26 +105,13 @@ def particle_function(
         return ti.max(K[ALPHA], K[FRESH]) if step == 0 else K[ALPHA]
 
     @ti.func
-    def suffer(p, before, F, J, K: ti.template(), b: ti.template(), ledger: ti.template()):
-        """Damage never heals (Eq. 4); the energy it frees, that of the middle of the substep, is booked."""
-        raw = damage.raw(F, J, K[ONSET], K[CRIT])
-        if raw > b.D[p]:
-            middle = (before + F) / 2
-            J_middle = middle.determinant()
-            psi = J_middle * 0
-            if ti.static(cellwise):  # what is damaged counts less in its cell's mean: dU/dtheta (J - theta) besides
-                theta, step = b.theta[p], 1 / 64
-                up = law.psi(middle, theta + step, K[MU], K[LAM])
-                down = law.psi(middle, theta - step, K[MU], K[LAM])
-                psi = (up + down) / 2 + (up - down) / (2 * step) * (J_middle - theta)
-            else:
-                psi = law.psi(middle, J_middle, K[MU], K[LAM])
-            tally(ledger, DAMAGED, (raw - b.D[p]) * b.volume[p] * psi)
-            b.D[p] = raw
+    def leave(p, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
+        """A failed particle takes its share of the nodes' energy from the grid (`total`)."""
+        tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic_of_nodes(g, at, f))
 
     @ti.func
     def move(p, step, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """Gather, advance u, F and d; returns v, the affine velocity C, F, cof F and J."""
+        """Gather, advance u, F and, unless a cell waits, d; returns v, the affine velocity C, F, cof F and J."""
         v, moments = gather(g, ledger.row, at, f, real)
         C = (4 * K[RH]) * moments
         mass = K[DENSITY] * b.volume[p]
@@ -149,8 +135,11 @@ def particle_function(
         F = deformed(b.H[p])
         cof = cofactor(F)
         J = volume_ratio(F, cof)
-        if b.tag[p] < EXEMPT and b.D[p] < 1:
-            suffer(p, before, F, J, K, b, ledger)
+        if ti.static(not cellwise):
+            now = damages.grown(p, F, J, K, b)
+            if now > b.D[p]:
+                tally(ledger, DAMAGED, damages.freed(p, now, (before + F) / 2, K, b))
+                b.D[p] = now
         if K[DT] * K[DT] * C.norm_sqr() > K[TURN]:
             ask_to_halt(ledger, step)
         if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
@@ -195,7 +184,7 @@ def particle_function(
             if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
                 if b.D[p] >= 1:
                     stays = False
-                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic(v, C, K[H]))
+                    leave(p, at, f, K, b, g, ledger)
                 if stays:
                     push(p, at + shift, f, v, C, F, cof, J, J, part(step, K), K, b, g, ledger)
             else:  # weights from the new position, whose nodes must be in use
@@ -220,9 +209,7 @@ def particle_function(
                 v, C, _F, _K, now = move(p, step, base[0] * g.sx + base[1] * g.sy + base[2], f, K, b, g, ledger)
                 J = now
                 keep(p, v, C, b, g, ledger)
-                if b.D[p] >= 1:
-                    tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic(v, C, K[H]))
-                if not scatters or b.D[p] >= 1:
+                if not scatters:
                     b.V[p], b.C[p] = v, C
             else:
                 F = deformed(b.H[p])
@@ -230,9 +217,28 @@ def particle_function(
             b.theta[p] = J
 
     @ti.func
+    def suffer(p, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
+        """Let damage of a cell's particles grow; what fails leaves."""
+        harmed = False
+        for q in range(p, p + b.many[p]):
+            if damages.grown(q, deformed(b.H[q]), b.theta[q], K, b) > b.D[q]:
+                harmed = True
+        if harmed:
+            tally(ledger, DAMAGED, damages.freed_of_cell(p, K, b, g, ledger))
+            for q in range(p, p + b.many[p]):
+                now = damages.grown(q, deformed(b.H[q]), b.theta[q], K, b)
+                if now >= 1 and b.D[q] < 1:
+                    base, f = locate(q, K, b)
+                    leave(q, base[0] * g.sx + base[1] * g.sy + base[2], f, K, b, g, ledger)
+                    b.V[q], b.C[q] = kept(q, b, g, ledger)
+                b.D[q] = now
+
+    @ti.func
     def weigh(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
               ledger: ti.template()):  # fmt: skip
-        """Turn the own J of a cell's particles into their mean."""
+        """Turn the own J of a cell's particles, after it did its harm, into their mean."""
+        if gathers:
+            suffer(p, K, b, g, ledger)
         average(p, b.many, b.D, b.volume, b.theta)
 
     @ti.func

@@ -88,12 +88,12 @@ class State:
         n, real = self.n, self.real
         self.X, self.U, self.V = (ti.Vector.ndarray(3, real, n) for _ in range(3))
         self.C, self.H = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
-        self.D, self.volume = (ti.ndarray(real, n) for _ in range(2))
+        self.D, self.volume, self.share = (ti.ndarray(real, n) for _ in range(3))
         self.label = ti.ndarray(ti.i32, n)
         self.anchor = ti.Vector.ndarray(3, real, n)
         self.force = ti.Vector.ndarray(3, real, n if self.forces else 1)
         self.tau = ti.Matrix.ndarray(3, 3, real, n)
-        self.scalars = ti.ndarray(real, (n, 2))
+        self.scalars = ti.ndarray(real, (n, 3))
         self._sort_cells()
         self.X.from_numpy(self.X0)
         self.volume.from_numpy(particles.volume.astype(self.dtype))
@@ -208,20 +208,6 @@ class State:
         self.stiffness = peaks.stiffness
         return peaks
 
-    def kinetic(self) -> float:
-        """Kinetic energy of the nodes [J], or of the particles before nodes have moved for the first time."""
-        if self.fresh:
-            return float(self.kinetic_of_particles().sum())
-        v = self.velocity.to_numpy()[self.layout.nodes].astype(np.float64)
-        return float((v[:, 3] * (v[:, :3] ** 2).sum(axis=1)).sum() / 2)
-
-    def kinetic_of_particles(self) -> Array:
-        """Kinetic energies of the particles, that of their affine motion included [J], (N,) float64."""
-        mass = self.scene.material.density * self.volume.to_numpy().astype(np.float64)
-        v, C = (a.to_numpy().astype(np.float64) for a in (self.V, self.C))
-        out: Array = mass / 2 * ((v**2).sum(axis=1) + self.scene.solver.h**2 / 4 * (C**2).sum(axis=(1, 2)))
-        return out
-
     def run(self, n: int, dt: float, t: float, turn: float = math.inf) -> int:
         """Advance by n substeps of length dt [s], from time t [s]; returns how many were made.
 
@@ -282,9 +268,9 @@ class State:
     def observe(self) -> tuple[Array, Array, Array]:
         """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa], largest stretches (N,)."""
         m = self.scene.material
-        look = observe(m.law, self.cellwise, self.real)
-        look(m.mu, m.lam, self.H, self.D, self.tau, self.scalars, self.volume, self.many, self.theta)
-        energy, stretch = self.scalars.to_numpy().T
+        look = observe(m.law, self.total, self.cellwise, self.real)
+        look(m.mu, m.lam, self.C, self.H, self.D, self.tau, self.scalars, self.volume, self.many, self.theta)
+        energy, stretch, self.power = self.scalars.to_numpy().T
         return self.tau.to_numpy(), energy, stretch
 
     def booked(self) -> Array:

@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from fracsim.mpm.bspline import stencil
 from fracsim.mpm.dilatation import refresh
 from fracsim.mpm.kernels import CHUNK, types
-from fracsim.mpm.params import LAM, MU, PEAKS
+from fracsim.mpm.params import LAM, LX, LY, LZ, MU, PEAKS, RH
 from fracsim.mpm.tensor import J_MIN, cofactor, deformed, principal_stretches, rotation, volume_ratio
+from fracsim.mpm.transfer import Grid, kinetic_of_nodes
 from fracsim.records import Array
 from fracsim.registry import load
 
@@ -58,19 +60,19 @@ def survey(law_name: str, total: bool, cellwise: bool, real: Any) -> Any:
 
 
 @cache
-def observe(law_name: str, cellwise: bool, real: Any) -> Any:
+def observe(law_name: str, total: bool, cellwise: bool, real: Any) -> Any:
     """The kernel behind a frame: for all particles tau = (1 - d) P F^T (Eqs. 3 and 5) and, as columns of `scalars`,
-    the strain energy density (1 - d) psi [Pa] and the largest stretch.
+    the strain energy density (1 - d) psi [Pa], the largest stretch and the power density (1 - d) P : dF/dt [W/m^3].
 
-    Arguments: mu, lam, H = F - I, D, tau, scalars, volume, many, theta.
+    Arguments: mu, lam, C, H = F - I, D, tau, scalars, volume, many, theta.
     """
     law = load("fracsim.constitutive", law_name, "material.law")
     Scalar, _, _, Matrix, Index, *_ = types(real).values()
     Scalars = ti.types.ndarray(dtype=real, ndim=2)
 
     @ti.kernel
-    def evaluate(mu: real, lam: real, H: Matrix, D: Scalar, tau: Matrix, scalars: Scalars, volume: Scalar, many: Index,
-                 theta: Scalar):  # fmt: skip
+    def evaluate(mu: real, lam: real, C: Matrix, H: Matrix, D: Scalar, tau: Matrix, scalars: Scalars, volume: Scalar,
+                 many: Index, theta: Scalar):  # fmt: skip
         if ti.static(cellwise):
             for p in range(H.shape[0]):
                 refresh(p, many, H, D, volume, theta)
@@ -81,9 +83,31 @@ def observe(law_name: str, cellwise: bool, real: Any) -> Any:
             ratio = J
             if ti.static(cellwise):
                 ratio = ti.max(theta[p], J_MIN)
-            tau[p] = (1 - D[p]) * (law.piola(F, K, J, ratio, mu, lam) @ F.transpose())
+            P = (1 - D[p]) * law.piola(F, K, J, ratio, mu, lam)
+            tau[p] = P @ F.transpose()
             scalars[p, 0] = (1 - D[p]) * law.psi(F, ratio, mu, lam)
             scalars[p, 1] = principal_stretches(F)[0]
+            scalars[p, 2] = (P * C[p]).sum() if ti.static(total) else (tau[p] * C[p]).sum()
+
+    return evaluate
+
+
+@cache
+def shares(real: Any) -> Any:
+    """The kernel `share = sum w |v_i|^2 / 2` over the nodes around each particle of `total` [m^2/s^2], 0 if failed.
+
+    Arguments: parameters, X, D, strides (sx, sy, sz), velocity, share.
+    """
+    Scalar, Vector, Vector4, *_ = types(real).values()
+
+    @ti.kernel
+    def evaluate(K: Scalar, X: Vector, D: Scalar, sx: ti.i32, sy: ti.i32, sz: ti.i32, velocity: Vector4, share: Scalar):
+        for p in range(X.shape[0]):
+            share[p] = 0
+            if D[p] < 1:
+                base, f = stencil(X[p] * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
+                at = base[0] * sx + base[1] * sy + base[2]
+                share[p] = kinetic_of_nodes(ti.static(Grid(sx, sy, sz, velocity, None, None, 0, False)), at, f)
 
     return evaluate
 

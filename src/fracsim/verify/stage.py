@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracsim.mpm import params as slot
+from fracsim.mpm.energy import kinetic_of_particles, masses
 from fracsim.mpm.layout import Layout, order
 from fracsim.mpm.state import MARGIN, State
 from fracsim.mpm.timestep import limit
@@ -229,11 +230,6 @@ class Ghosts:
             array.from_numpy(values.astype(state.dtype))
 
 
-def masses(state: State) -> Array:
-    """Masses of the particles [kg], (N,) float64."""
-    return np.asarray(state.scene.material.density * state.volume.to_numpy().astype(np.float64))
-
-
 def momentum(state: State) -> Array:
     """Total linear momentum [kg m/s]."""
     return np.asarray((masses(state)[:, None] * state.V.to_numpy()).sum(axis=0))
@@ -255,7 +251,7 @@ def angular_momentum(state: State) -> Array:
 
 def kinetic(state: State) -> float:
     """Kinetic energy of the particles, that of the affine motion included [J]."""
-    return float(state.kinetic_of_particles().sum())
+    return float(kinetic_of_particles(state).sum())
 
 
 def elastic(state: State) -> float:

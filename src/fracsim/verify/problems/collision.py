@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.mpm.energy import masses
 from fracsim.verify.problem import Check, Setting, absolute, told
-from fracsim.verify.stage import advance, angular_momentum, free, lattice, masses, momentum, particles, put, scene
+from fracsim.verify.stage import advance, angular_momentum, free, lattice, momentum, particles, put, scene
 from fracsim.vocab import Material
 
 FORMULATIONS = ("updated",)
