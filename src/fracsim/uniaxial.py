@@ -12,9 +12,9 @@ from fracsim.vocab import Scene
 
 POINTS = 1000
 """Stretches at which a bar is looked at, from 1 to lambda_crit."""
-BESIDE = 1.2
+BESIDE = 0.5
 """Length along which material was damaged up to the peak of the load before strain localised into a band of one cell,
-over `fracture.length` (measured, see `python -m fracsim.bench mesh`): it belongs to the object, not to the cells."""
+over `fracture.length`: it belongs to the object, not to the cells (`python -m fracsim.bench mesh`)."""
 MOST = 10.0
 """The largest lambda_crit of a scene."""
 

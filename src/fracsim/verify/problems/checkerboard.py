@@ -30,17 +30,18 @@ def roughness(values: Array) -> Array:
 
 
 def measure(solver: Solver, nu: float) -> tuple[Array, float, float]:
-    """Roughness of the pressure and mean axial stress of the middle half of a bar that was pulled slowly, and what the
-    stress should be [Pa]; the pressure is a third of the trace of the Kirchhoff stress, over that stress."""
+    """Roughness of the pressure, over the axial stress, in a bar that was pulled slowly; mean axial stress of its
+    middle half, and what it should be at the stretch there [Pa]. Pressure is a third of the trace of the Kirchhoff
+    stress."""
     material = Material(law="neo_hookean", E=E, nu=nu)
     bar = simulator(solver, BAR, material, NEVER, 0.02, STRETCH, 50)
     *_, last = bar.frames()
     place, shape = box(bar.particles.X.astype(float), bar.particles.spacing)
     pressure = np.full(shape, np.nan)
     pressure[tuple(place.T)] = np.trace(last.stress.astype(float), axis1=1, axis2=2) / 3
-    axial = E * uniaxial(material.law, nu, STRETCH)[1]
-    quarter = shape[0] // 4
     middle = np.abs(bar.particles.X[:, 0] - 1) < BAR.gauge / 4
+    axial = E * uniaxial(material.law, nu, float(last.F[middle, 0, 0].mean()))[1]
+    quarter = shape[0] // 4
     return roughness(pressure[quarter:-quarter]) / axial, float(last.stress[middle, 0, 0].mean()), axial
 
 
