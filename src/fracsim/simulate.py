@@ -227,8 +227,8 @@ class Simulator:
         v, F, d = s.V.to_numpy(), s.F.to_numpy(), s.D.to_numpy()
         if self.scene.loading.grips == "rigid":
             v[held] = self.side[held, None] * self.scene.loading.speed * np.asarray(self.scene.loading.axis)
-        tau, energy, stretch = s.observe()
-        energy -= s.K[slot.DT] / 2 * s.power  # as velocities are those of half a substep ago
+        tau, energy, stretch, power = s.observe()
+        energy -= s.K[slot.DT] / 2 * power  # as velocities are those of half a substep ago
         failed = d >= 1
         if s.total:
             self.ride(x, v, F, failed, self.fragment)

@@ -18,12 +18,12 @@ COARSE = 50
 H = 2 / COARSE
 THRESHOLDS = {"low stretch": ("fixed_corotated", 0.3, Fracture(onset=1.5, crit=2.3), 0.03),
               "high stretch": ("neo_hookean", 0.45, Fracture(onset=2.6, crit=3.0), 0.1)}  # fmt: skip
-"""Law, Poisson's ratio, thresholds, and speed of each grip [m/s] at E = 2e3 Pa: 2 and 7 % of that of a wave."""
+"""Law, Poisson's ratio, thresholds, and speed of each grip [m/s] at E = 2e3 Pa: 1 and 3 % of sqrt(E / density)."""
 SHIFTS = (0.1, 0.6)
 """Places of the notch [particle spacings], all that differ: it begins at a face of a cell, or in the middle of one."""
 FRAMES, AFTER = 450, 3
-"""Frames until the bar must have parted, and after it has, while what hangs on tears: a wave comes to half the section
-in them, none from the grips."""
+"""Frames until the bar must have parted, and after it has, while what hangs on tears: a wave crosses the section in
+them, and is not back from the grips."""
 
 
 class Crack(NamedTuple):

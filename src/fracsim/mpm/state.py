@@ -3,7 +3,7 @@
 import math
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import taichi as ti
@@ -41,6 +41,19 @@ class Peaks:
     fastest: float
     rate: float
     moved: float
+
+
+class Sight(NamedTuple):
+    """What the particles show at one instant, of (1 - d) P and (1 - d) psi."""
+
+    tau: Array
+    """Degraded Kirchhoff stresses [Pa], (N, 3, 3)."""
+    energy: Array
+    """Strain energy densities [Pa], (N,)."""
+    stretch: Array
+    """Largest stretches, (N,)."""
+    power: Array
+    """Power densities of the stress [W/m^3], (N,)."""
 
 
 class Deformation:
@@ -265,13 +278,12 @@ class State:
         kind, particle, step = rows[np.argmin(rows[:, 2])]
         return int(kind), int(particle), int(step)
 
-    def observe(self) -> tuple[Array, Array, Array]:
-        """Degraded Kirchhoff stresses (N, 3, 3) and strain energy densities (N,) [Pa], largest stretches (N,)."""
+    def observe(self) -> Sight:
+        """What a frame needs of the particles, at their present F."""
         m = self.scene.material
         look = observe(m.law, self.total, self.cellwise, self.real)
         look(m.mu, m.lam, self.C, self.H, self.D, self.tau, self.scalars, self.volume, self.many, self.theta)
-        energy, stretch, self.power = self.scalars.to_numpy().T
-        return self.tau.to_numpy(), energy, stretch
+        return Sight(self.tau.to_numpy(), *self.scalars.to_numpy().T)
 
     def booked(self) -> Array:
         """The running sums, (BOOKS,) float64."""
