@@ -85,7 +85,7 @@ class Report:
         between = np.abs(along(scene.loading, particles.X)) < scene.loading.offset
         if not self.free[between].any():
             self.warnings.append(
-                "nothing between the grips can tear: all of it is within 1.5 h of one and gathers no damage; use a "
+                "nothing between the grips can tear: it is within 1.5 h of what they move and gathers no damage; use a "
                 "larger loading.offset, more solver.cells or fracture.at_grips=true"
             )
         self.history, self.books = History(), Books(*([0.0] * 8))

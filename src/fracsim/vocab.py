@@ -76,7 +76,7 @@ class Fracture:
     crit: float = knob(2.3, "stretch at which the material has failed", least=1.0, most=10.0, open="least")
     length: float = knob(0.0, "cell size to which the thresholds belong: other cells get another lambda_crit, so that "
                          "the work to part a section stays; 0 = never", "m", least=0.0, most=1.0)  # fmt: skip
-    at_grips: bool = knob(False, "let grip particles and those within 1.5 h of a grip accumulate damage")
+    at_grips: bool = knob(False, "let grip particles and those within 1.5 h of what a grip moves accumulate damage")
 
     def __post_init__(self) -> None:
         check(self, "fracture")

@@ -180,9 +180,9 @@ def test_energy_of_a_tearing_bar_is_accounted_for(projection: float) -> None:
     particles' first velocities lose on the grid and what viscosity, explicit as it is, seems to take."""
     solver = Solver(cells=60, projection=projection)
     s = scene(material=Material(law="fixed_corotated", E=6e3, nu=0.25, viscosity=10, decay=5), solver=solver,
-              fracture=Fracture(onset=1.5, crit=2.3), loading=Loading(offset=0.12, speed=0.5, thickness=0.06),
-              capture=Capture(frames=40))  # fmt: skip
-    simulator = Simulator(s, particles(lattice((0.4, 0.14, 0.14), solver.spacing), solver.spacing))
+              fracture=Fracture(onset=1.5, crit=2.3), loading=Loading(offset=0.15, speed=0.5, thickness=0.06),
+              capture=Capture(frames=50))  # fmt: skip
+    simulator = Simulator(s, particles(lattice((0.46, 0.14, 0.14), solver.spacing), solver.spacing))
     left = [simulator.report.energy()["unaccounted"] for _ in simulator.frames()]
     assert simulator.report.break_frame is not None
     energy = simulator.report.energy()

@@ -100,6 +100,7 @@ def test_load_does_not_depend_on_the_decay(form: str) -> None:
         state.run(1, 1e-4, 0.0)
         impulses.append(state.booked()[slot.PULL_HIGH])
     # P = 6960 Pa with held sides, A = 0.04 m^2; tau in place of P where particles have not moved.
-    assert impulses[0] == pytest.approx(0.0278, rel=0.2)
+    # 2 %: from rest, part of the pull of the particles beside the grip goes into nodes beyond.
+    assert impulses[0] == pytest.approx(0.0278 * (1.2 if form == "updated" else 1), rel=0.02)
     # Held particles near the face also feel free nodes, which the decay slows down by 18 %: 0.3 % of the whole.
     assert impulses[1] == pytest.approx(impulses[0], rel=0.005)

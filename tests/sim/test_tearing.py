@@ -54,11 +54,12 @@ def test_uniform_bar_breaks_at_the_closed_form_stretch(
             break
     h = simulator.report.history
     at = int(np.argmax(h.load))
-    # 2 %: inertia (speed / wave speed = 0.02), the faces of the bar, and 120 frames over the pull.
-    assert h.nominal_stretch[at] == pytest.approx(stretch, rel=0.02)
-    assert h.load[at] / (4 * H) ** 2 / E == pytest.approx(peak, rel=0.025)
+    # Inertia (speed / wave speed = 0.02), and 120 frames over the pull. The peak of the first row is flat: 0.3 % of the
+    # load over 3 % of the stretch.
+    assert h.nominal_stretch[at] == pytest.approx(stretch, rel=0.03)
+    assert h.load[at] / (4 * H) ** 2 / E == pytest.approx(peak, rel=0.015)
     assert simulator.report.break_frame is not None
-    assert h.nominal_stretch[simulator.report.break_frame] == pytest.approx(stretch, rel=0.03)
+    assert h.nominal_stretch[simulator.report.break_frame] == pytest.approx(stretch, rel=0.025)
 
 
 def test_updated_reports_its_numerical_tearing() -> None:

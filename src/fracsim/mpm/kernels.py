@@ -32,6 +32,7 @@ def types(real: Any) -> dict[str, Any]:
         "matrix": array(dtype=ti.types.matrix(3, 3, real), ndim=1),
         "index": array(dtype=ti.i32, ndim=1),
         "table": array(dtype=ti.i32, ndim=2),
+        "scalars": array(dtype=real, ndim=2),
         "vectors4": array(dtype=ti.types.vector(4, real), ndim=2),
     }
 
@@ -42,12 +43,13 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
     """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
 
     Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait),
-    strides (sx, sy, sz) and the number 0, velocity, copies, pad, nodes (index, owner, source), shift, start, books,
-    faults, halt. The other two run one substep: its number and whether to gather and to scatter stand in n's place.
+    strides (sx, sy, sz) and the number 0, velocity, copies, pad, nodes (index, owner, tied, share, source),
+    shift, start, books, faults, halt. The other two run one substep: its number and whether to gather and to scatter
+    stand in n's place.
     """
     visit = particle_function(law, damage, total, cellwise, viscous, forced, grips, real)
     node = node_function(total, grips, real)
-    Scalar, Vector, Vector4, Matrix, Index, Table, Vectors4 = types(real).values()
+    Scalar, Vector, Vector4, Matrix, Index, Table, Scalars, Vectors4 = types(real).values()
     Books = ti.types.ndarray(dtype=wide, ndim=2)
 
     @ti.func
@@ -72,8 +74,8 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
     def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar,
                volume: Scalar, tag: Index, anchor: Vector, force: Vector, many: Index, theta: Scalar, wait: Vectors4,
                sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
-               index: Index, owner: Index, source: Table, shift: Index, start: Index, books: Books, faults: Table,
-               halt: Index):  # fmt: skip
+               index: Index, owner: Index, tied: Table, share: Scalars, source: Table, shift: Index,
+               start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
         ti.loop_config(serialize=True)
         for _ in range(1):
             K = read(parameters)
@@ -87,7 +89,8 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
                                  ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
                     if more:
                         for q in range(index.shape[0]):
-                            node(q, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                            node(q, step, middle(step + 1, K), K,
+                                 ti.static(Nodes(index, owner, tied, share, source)),
                                  ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                                  ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
 
@@ -95,8 +98,9 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
     def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
                 C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
                 many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
-                velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
-                shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
+                velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, tied: Table,
+                share: Scalars, source: Table, shift: Index, start: Index, books: Books, faults: Table,
+                halt: Index):  # fmt: skip
         for q in range(shift.shape[0] * CHUNK):
             if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0 and step - 1 <= stop(halt):
                 c, K, more = q // CHUNK, read(parameters), scatters == 1 and step <= stop(halt)
@@ -109,7 +113,8 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
             if q % CHUNK == 0 and scatters == 1 and step <= stop(halt):
                 c, chunks, K = q // CHUNK, shift.shape[0], read(parameters)
                 for i in range(c * index.shape[0] // chunks, (c + 1) * index.shape[0] // chunks):
-                    node(i, step, middle(step + 1, K), K, ti.static(Nodes(index, owner, source)),
+                    node(i, step, middle(step + 1, K), K,
+                         ti.static(Nodes(index, owner, tied, share, source)),
                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
                          ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
 
@@ -117,8 +122,9 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
     def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
             C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
             many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
-            velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, source: Table,
-            shift: Index, start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
+            velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, tied: Table,
+            share: Scalars, source: Table, shift: Index, start: Index, books: Books, faults: Table,
+            halt: Index):  # fmt: skip
         for stage in ti.static(visit.stages):
             for p in range(X.shape[0]):
                 if faults[0, 0] == 0 and step - 1 <= halt[0]:
@@ -129,7 +135,8 @@ def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, 
                           ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
         for i in range(index.shape[0]):
             if scatters == 1 and step <= halt[0]:
-                node(i, step, middle(step + 1, parameters), parameters, ti.static(Nodes(index, owner, source)),
+                node(i, step, middle(step + 1, parameters), parameters,
+                     ti.static(Nodes(index, owner, tied, share, source)),
                      ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
                      ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
 

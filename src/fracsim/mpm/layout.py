@@ -65,6 +65,12 @@ class Layout:
             index[:, 0] -= aside[index[:, 0] - self.lowest[0]]
         return index
 
+    def beside(self, which: Array, axis: int, way: Array) -> Array:
+        """Which of the visited nodes lies beside each of these along an axis, to the side `way`, -1 or +1, or -1."""
+        wanted = self.nodes[which] + way.astype(np.int64) * self.strides[axis]
+        at = np.minimum(np.searchsorted(self.nodes, wanted), len(self.nodes) - 1)
+        return np.where(self.nodes[at] == wanted, at, -1)
+
     @property
     def size(self) -> int:
         """Nodes in the box."""
@@ -99,7 +105,8 @@ def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> La
 
 
 def apart(x: Array, label: Array, h: float) -> tuple[Array, Array, Array]:
-    """Positions x [m] with the fragments, label >= 0, moved along x by whole cells until no two share a node.
+    """Positions x [m] with the fragments, label >= 0, moved along x by whole cells, until no nodes of two lie side by
+    side.
 
     Also returns by how many cells each fragment has been moved, (fragments,) int, and the fragment of each plane of
     nodes of their layout, (planes,) int. Particles without a fragment (label -1) stay with the first one.
@@ -109,11 +116,10 @@ def apart(x: Array, label: Array, h: float) -> tuple[Array, Array, Array]:
     low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, np.iinfo(np.int64).min)
     np.minimum.at(low, owner, cell)
     np.maximum.at(high, owner, cell)
-    planes = high - low + 3
+    planes = high - low + 3 + SPARE
     first = np.concatenate([[0], np.cumsum(planes)[:-1]]) + low[0]
     moved = first - low
     planes[0] += SPARE
-    planes[-1] += SPARE
     return _shifted(x, cell + moved[owner], moved[owner], h), moved, np.repeat(np.arange(count), planes)
 
 

@@ -11,7 +11,7 @@ import taichi as ti
 from fracsim import backend
 from fracsim.mpm import params as slot
 from fracsim.mpm.dilatation import KEPT, PAGE
-from fracsim.mpm.grips import half_reach, owners, tags
+from fracsim.mpm.grips import half_reach, holding, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, apart, crowds, layout
 from fracsim.mpm.survey import observe, survey
@@ -198,7 +198,10 @@ class State:
         self.velocity = self._at_least(self.velocity, grid.size)
         self.copies = self._at_least(self.copies, grid.copies)
         self.nodes, self.source = device(grid.nodes), device(grid.source)
-        self.owner = device(owners(self.scene, x))
+        hold = holding(self.scene, grid, x)
+        self.owner, self.tied = device(hold.owner), device(hold.tied)
+        self.tie_share = ti.ndarray(self.real, hold.share.shape)
+        self.tie_share.from_numpy(hold.share.astype(self.dtype))
         self.shift, self.start = device(grid.shift), device(grid.start)
 
     def _at_least(self, array: Any, size: int) -> Any:
@@ -242,7 +245,8 @@ class State:
         arrays = (
             self.parameters, self.X, self.U, self.V, self.C, self.H, self.D, self.volume, self.label, self.anchor,
             self.force, self.many, self.theta, self.wait, *self.layout.strides, 0.0, self.velocity, self.copies,
-            self.pad, self.nodes, self.owner, self.source, self.shift, self.start, self.books, self.faults, self.halt,
+            self.pad, self.nodes, self.owner, self.tied, self.tie_share, self.source, self.shift, self.start,
+            self.books, self.faults, self.halt,
         )  # fmt: skip
         if self.drive == "serial":
             kernel(n, *arrays)

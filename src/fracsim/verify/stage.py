@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,6 +60,13 @@ def bar(solver: Solver, size: tuple[float, float, float] = (0.6, 0.2, 0.2)) -> P
     return particles(ordered(lattice(size, solver.spacing), solver.h), solver.spacing)
 
 
+def turned(body: Particles, degrees: float) -> Particles:
+    """A body turned about z through the centre."""
+    a = math.radians(degrees)
+    turn = np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
+    return replace(body, X=(CENTRE + (body.X - np.asarray(CENTRE)) @ turn.T).astype(np.float32))
+
+
 def scene(solver: Solver, material: Material, X: Array) -> Scene:
     """A scene on one thread for a body at X [m] that lies on both sides of the centre."""
     s = X[:, 0].astype(float) - CENTRE[0]
@@ -95,6 +103,7 @@ class Stage(State):
     def _place_grid(self, grid: Layout, x: Array) -> None:
         super()._place_grid(grid, x)
         self.owner.from_numpy(-self._held(x).astype(np.int32))
+        self.tied.from_numpy(np.full((len(x), 2), -1, np.int32))
 
 
 def free(scene: Scene, body: Particles) -> Stage:
