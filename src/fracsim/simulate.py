@@ -27,8 +27,8 @@ RISKY = 1.2
 """Below this stretch the grid of `updated` does not tear anything."""
 MAX_CLAMPED = 1e-2
 """Fraction of particles whose J may be clamped in a substep before the run stops. With dt auto it may be more, once
-something has failed, for as long as a wave takes through the object: so long a piece of half its length that recoils
-into its grip is pressed there, until the wave is back from its free end."""
+something has failed, for as long as a wave takes through the object and back: so long a piece of nearly its length that
+recoils into its grip may be pressed there, until the wave is back from its free end."""
 PATIENCE = 100
 """With dt auto, a run stops that has taken this many times the substeps that all of it takes at rest."""
 
@@ -83,9 +83,9 @@ class Simulator:
         self.dt, self.sound = math.inf, 0.0
         length = float(np.ptp(along(scene.loading, self.particles.X)))
         at_rest = limit(scene, rest_stiffness(scene), scene.loading.speed, 0.0)
-        self.crossing, self.most = 0.0, math.inf
+        self.recoil, self.most = 0.0, math.inf
         if isinstance(scene.solver.dt, str) and at_rest > 0:
-            self.crossing = length * math.sqrt(scene.material.density / scene.material.E)
+            self.recoil = 2 * length * math.sqrt(scene.material.density / scene.material.E)
             self.most = PATIENCE * max(scene.capture.duration / at_rest, 1)
 
     def frames(self) -> Iterator[Frame]:
@@ -188,7 +188,7 @@ class Simulator:
         steps, now = self.report.substeps - before, self.report.history.dt_t[-1]
         if clamped <= max(MAX_CLAMPED * self.state.n, 1) * steps:
             self.sound = now
-        elif now - self.sound > self.crossing or not (self.state.D.to_numpy() >= 1).any():
+        elif now - self.sound > self.recoil or not (self.state.D.to_numpy() >= 1).any():
             raise SimulationError(self._crushed(k, clamped / steps))
 
     def _crushed(self, k: int, many: float) -> str:
