@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from fracsim.knob import describe
 from fracsim.vocab import Scene
 
-BLOW_UP = "blow-up"
+UNSTABLE = ("blow-up", "flown off")
+"""Beginnings of the kinds of error in which a motion ends that has gained energy."""
 FIELDS = re.compile("|".join(re.escape(name) for name, _, _ in describe(Scene)) + r"|field [xvFd]\b")
 WAY_OUT = re.compile(r"\b([Uu]se|[Cc]hoose|[Ss]et|[Rr]aise)\b")
 

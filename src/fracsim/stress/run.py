@@ -51,7 +51,7 @@ def run(case: Case, onlooker: Onlooker | None = None) -> Outcome:
     except (ValueError, SimulationError) as error:
         out.reason, out.error = fitting.kind(error), str(error)
         out.verdict = "refused"
-        if out.reason.startswith(fitting.BLOW_UP):  # on its way there energy grows, and the error says so
+        if out.reason.startswith(fitting.UNSTABLE):  # on its way there energy grows, and the error says so
             out.wrong = [told for told in out.wrong if not told.startswith("energy")]
         out.wrong += fitting.unfit(error, out.sensible)
     except Exception as error:
