@@ -5,7 +5,7 @@ import pytest
 
 from fracsim import Fracture, Loading, Material, Solver
 from fracsim.mpm import params as slot
-from fracsim.mpm.layout import crowds
+from fracsim.mpm.layout import crowds, order
 from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.verify.problem import Setting
@@ -51,6 +51,15 @@ def test_cells_are_runs_of_equal_cells() -> None:
     y = np.array([[1.0, 1, 1], [1.1, 1, 1], [2.1, 1, 1], [1.2, 1, 1]])
     assert crowds(y).tolist() == [2, 0, 1, 1]
     assert crowds(y[:1]).tolist() == [1]
+
+
+def test_round_off_decides_nothing_on_the_faces_of_cells() -> None:
+    """A lattice in steps of half a cell from a face on, displaced by what float32 rounds at 1 m: eight share a cell."""
+    y = np.stack(np.meshgrid(*[np.arange(8) / 2 + 0.5] * 3, indexing="ij"), -1).reshape(-1, 3)
+    for seed in range(5):
+        noisy = y + np.random.default_rng(seed).uniform(-1e-5, 1e-5, y.shape)
+        many = crowds(noisy[order(noisy)])
+        assert (many[many > 0] == 8).all()
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -11,11 +11,19 @@ SPARE = 1
 one plane more, of no weight."""
 BLOCK = 4
 """Particles are sorted by blocks of BLOCK^3 cells, so that neighbours in space are neighbours in memory."""
+FACE = 1e-3
+"""A particle so near to the face of a cell [cells] lies on it; positions are rounded by 1e-5. Objects are often filled
+in steps of half a cell, and who shares a pressure with whom must not depend on round-off."""
+
+
+def cells(y: Array) -> Array:
+    """The cell of each particle at y [cells], (N, 3) int; those on a face, as near as can be told, lie in the next."""
+    return np.floor(y - (0.5 - FACE)).astype(np.int64)
 
 
 def order(y: Array) -> Array:
     """Permutation that sorts particles at y [cells] by block, then by cell, x slowest."""
-    cell = np.floor(y - 0.5).astype(np.int64)
+    cell = cells(y)
     cell -= cell.min(axis=0)
     block, inner = cell // BLOCK, cell % BLOCK
     size = block.max(axis=0) + 1
@@ -27,7 +35,7 @@ def order(y: Array) -> Array:
 def crowds(y: Array) -> Array:
     """How many particles the cell has whose first one each is, otherwise 0, (N,) int32, for sorted particles at y
     [cells]; what is not sorted makes more cells than there are."""
-    cell = np.floor(y - 0.5).astype(np.int64)
+    cell = cells(y)
     first = np.flatnonzero(np.append(True, (np.diff(cell, axis=0) != 0).any(axis=1)))
     many = np.zeros(len(y), np.int32)
     many[first] = np.diff(np.append(first, len(y)))
