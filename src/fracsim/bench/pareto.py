@@ -94,22 +94,27 @@ def tornado(found: list[Point]) -> list[tuple[str, str, float, float]]:
 
 
 def plot(found: list[Point], path: Path) -> None:
-    """Error against time, a panel a scene, with the front and the presets."""
-    names = list({p.scene: None for p in found})
-    figure = Figure(figsize=(6 * len(names), 4.5), layout="constrained")
+    """Error against time, a panel a scene, with the front; settings are numbers, presets red ones. Errors of 0.01 % or
+    less are drawn as 0.01 %."""
+    names, settings = (list(dict.fromkeys(values)) for values in ([p.scene for p in found], [p.setting for p in found]))
+    figure = Figure(figsize=(6 * len(names) + 2, 4.5), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, name in zip(np.atleast_1d(figure.subplots(1, len(names))), names, strict=True):
         mine = [p for p in found if p.scene == name and np.isfinite(p.error)]
-        for p in mine:
-            preset = p.setting in PRESETS
-            at = (p.outcome.seconds, max(100 * p.error, 1e-2))
-            axes.plot(*at, "s" if preset else "o", color="#b5323c" if preset else "#31688e", zorder=3)
-            axes.annotate(p.setting, at, xytext=(4, 3), textcoords="offset points", fontsize=7)
         line = front(mine)
-        axes.plot([p.outcome.seconds for p in line], [max(100 * p.error, 1e-2) for p in line], color="#707070")
+        axes.plot([p.outcome.seconds for p in line], [max(100 * p.error, 1e-2) for p in line], color="#b0b0b0")
+        for p in mine:
+            number, colour = settings.index(p.setting) + 1, "#b5323c" if p.setting in PRESETS else "#31688e"
+            size = 6 + 3 * len(str(number))
+            axes.plot(p.outcome.seconds, max(100 * p.error, 1e-2), linestyle="", marker=f"${number}$", markersize=size,
+                      color=colour, label=p.setting)  # fmt: skip
         axes.set(title=name, xscale="log", yscale="log", xlabel="processor time on one thread [s]",
                  ylabel="error of break time or peak load [%]")  # fmt: skip
         axes.grid(alpha=0.2)
+    handles = {
+        label: handle for axes in figure.axes for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", fontsize=8)
     figure.savefig(path, dpi=100, metadata={"Software": None})
 
 
