@@ -57,7 +57,7 @@ def showing(film: Film, n: int) -> Array:
     assert splatter is not None
     shows = np.zeros(n, np.int32)
     transmittance = np.ones((film.view.height, film.view.width), np.float32)
-    composite(splatter._starts, splatter._entries, splatter._ellipse, transmittance, shows)
+    composite(*splatter.listed(), transmittance, shows)
     return shows > 0
 
 

@@ -49,6 +49,10 @@ class Splatter:
                             image, transmittance, median)  # fmt: skip
         return image, 1 - np.abs(transmittance), median
 
+    def listed(self) -> tuple[Any, Any, Any]:
+        """What the compositor went through for the last picture: see its `starts`, `entries` and `ellipse`."""
+        return self._starts, self._entries, self._ellipse
+
     def _checked(self, name: str, array: Array, n: int) -> Array:
         """The array as the kernels take it; raises ValueError unless it has its shape for n Gaussians."""
         tail = {"means": (3,), "covariance": (6,), "F": (3, 3), "opacity": (), "features": (self.features,)}[name]
