@@ -95,3 +95,16 @@ def test_a_pull_that_cannot_tear_says_so(offset: float, at_grips: bool, told: in
     loading = Loading(offset=offset, thickness=0.05)
     s = scene(solver=solver, loading=loading, fracture=Fracture(at_grips=at_grips))
     assert sum("nothing between the grips can tear" in w for w in Simulator(s, body).report.warnings) == told
+
+
+@pytest.mark.parametrize(("clamped", "told"), [(0, 0), (1, 0), (3, 1)])
+def test_crushed_particles_are_mentioned_where_they_are_many(clamped: int, told: int) -> None:
+    """One in 100,000 substeps of a particle: here of 100 substeps of 2,000 particles."""
+    solver = Solver(cells=50)
+    body = particles(lattice((0.4, 0.2, 0.2), solver.spacing), solver.spacing)
+    simulator = Simulator(scene(solver=solver, loading=Loading(offset=0.12)), body)
+    next(simulator.frames())
+    report = simulator.report
+    report.substeps, report.clamped = 100, clamped
+    assert len(body) == 2000
+    assert sum("J < 0.05" in w for w in report.summary()["warnings"]) == told
