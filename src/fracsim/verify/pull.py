@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
+from fracsim.mpm.grips import along
 from fracsim.records import Array
 from fracsim.simulate import Simulator
+from fracsim.verify.closed_form import uniaxial
 from fracsim.verify.stage import lattice, particles
 from fracsim.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
 
@@ -73,3 +76,12 @@ def at_break(simulator: Simulator) -> float:
     """Nominal stretch at which the bar parted by damage, or NaN."""
     frame = simulator.report.break_frame
     return float("nan") if frame is None else simulator.report.history.nominal_stretch[frame]
+
+
+def over_gauge(bar: Simulator, law: str, nu: float, stretch: float, load: float) -> float:
+    """Nominal stretch of a bar at its peak load / section / E, where `stretch` is that of its middle: the ends of it,
+    exempt from damage, are stretched by what the undamaged law says."""
+    s = along(bar.scene.loading, bar.particles.X)
+    ends = float((~bar.report.free[np.abs(s) < bar.scene.loading.gauge / 2]).mean())
+    held = float(brentq(lambda l: uniaxial(law, nu, l)[0] - load, 1, stretch + 1e-9))
+    return (1 - ends) * stretch + ends * held
