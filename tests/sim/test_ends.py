@@ -21,8 +21,8 @@ SPEED = 0.4
 
 
 def strained(gap: float, per_cell: int, phase: float) -> tuple[Array, Array, float]:
-    """An elastic bar in one dimension, built anew: particles behind the first node held, their strains over that of the
-    far end, and the nominal strain over it if the bar begins `gap` + soft before the edge."""
+    """Where the particles of an elastic bar in one dimension are, built anew, their strains and that of its middle, when
+    its far end moves as if it began `gap` and the soft part before the edge."""
     count, hung = 30, end(1.0)
     nodes = np.arange(-6, count + 1)
     p = (np.arange(per_cell * (count - 4)) + phase) / per_cell - 2
@@ -43,7 +43,8 @@ def strained(gap: float, per_cell: int, phase: float) -> tuple[Array, Array, flo
 @pytest.mark.parametrize(("per_cell", "phase"), [(2, 0.5), (2, 0.0), (3, 0.3), (8, 0.5)])
 def test_a_bar_that_ends_between_nodes_strains_uniformly(gap: float, per_cell: int, phase: float) -> None:
     """The far end moves as if the bar began at the face, so that a strain of 1 is right; 1.5 cells behind the edge
-    there is no other, and nearer to it none above 1.3. Two particles a cell do not integrate stiffness exactly: 0.006 cells of ten."""
+    there is no other, and nearer to it none above 1.3. Two particles a cell do not integrate stiffness exactly: 0.006
+    cells of ten."""
     p, strain, middle = strained(gap, per_cell, phase)
     assert middle == pytest.approx(1, abs=1e-3)
     beyond = (p > 1 + 1.5) & (p < 15)
