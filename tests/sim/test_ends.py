@@ -21,8 +21,8 @@ SPEED = 0.4
 
 
 def strained(gap: float, per_cell: int, phase: float) -> tuple[Array, Array, float]:
-    """Where the particles of an elastic bar in one dimension are, built anew, their strains and that of its middle, when
-    its far end moves as if it began `gap` and the soft part before the edge."""
+    """Where the particles of an elastic bar in one dimension are, built anew, their strains and that of the middle, if
+    the far end moves as if the bar began `gap` and the soft part before the edge."""
     count, hung = 30, end(1.0)
     nodes = np.arange(-6, count + 1)
     p = (np.arange(per_cell * (count - 4)) + phase) / per_cell - 2
