@@ -25,7 +25,7 @@ NEVER = Fracture(onset=9, crit=10)
 """Thresholds that no problem without damage reaches."""
 
 Hook = Callable[[float, float], None]
-"""Called before a substep with its start [s] and its length [s]."""
+"""Called before a substep with its start [s] and its length [s]; with 0 before a look at what limits the next ones."""
 
 
 def lattice(size: tuple[float, float, float], spacing: float, centre: tuple[float, float, float] = CENTRE) -> Array:
@@ -162,6 +162,8 @@ def advance(state: State, duration: float, t: float = 0.0, before: Hook | None =
     """
     left, count = duration, 0
     while left > 1e-9 * duration:
+        if before is not None:
+            before(t, 0.0)
         dt = substep(state)
         n = max(1, math.ceil(left / dt - 1e-6))
         dt = left / n

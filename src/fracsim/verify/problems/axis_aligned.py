@@ -4,11 +4,15 @@ u_i = A sin(2 pi X_i) sin(c pi t + phi_i) in a neo-Hookean cube of 1 m, driven b
 one octant, with three cells of mirrored ghosts around it.
 """
 
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from fracsim.mpm.layout import order
+from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.verify.problem import Check, Setting, at_least, told
 from fracsim.verify.stage import Ghosts, Stage, advance, free, particles, put, scene
@@ -49,9 +53,11 @@ def body_force(X: Array, t: float) -> Array:
     return np.asarray(np.pi**2 * displacement(X, t) * (4 * stiff / DENSITY - WAVE**2))
 
 
-def octant(setting: Setting, cells: int, courant: float | None = None) -> tuple[Stage, Array, Ghosts, Array]:
+def octant(
+    setting: Setting, cells: int, courant: float | None = None, per_axis: float = 2
+) -> tuple[Stage, Array, Ghosts, Array]:
     """State with `cells` along 1 m, at t = 0; X in the octant's own axes, its ghosts, and who is none."""
-    solver = setting.solver(2 * cells)
+    solver = setting.solver(2 * cells, per_axis)
     if courant:
         solver.dt = courant * solver.h / float(WAVE)
     n, pad = round(SIZE / solver.spacing), round(GHOSTS * solver.h / solver.spacing)
@@ -72,16 +78,36 @@ def octant(setting: Setting, cells: int, courant: float | None = None) -> tuple[
     return state, X, ghosts, own
 
 
-def error(setting: Setting, cells: int, courant: float | None = None) -> float:
-    """Largest error of the displacement after DURATION of a period, relative to AMPLITUDE."""
-    state, X, ghosts, own = octant(setting, cells, courant)
+@contextmanager
+def clocked(state: State, spent: list[float] | None) -> Iterator[None]:
+    """Append the processor time of each call of `state.run` to `spent`, if it is given."""
+    run = state.run
+
+    def timed(*arguments: Any) -> int:
+        start = time.process_time()
+        steps = run(*arguments)
+        if spent is not None:
+            spent.append(time.process_time() - start)
+        return steps
+
+    state.run = timed  # type: ignore[method-assign, assignment]
+    yield
+
+
+def error(
+    setting: Setting, cells: int, courant: float | None = None, per_axis: float = 2, spent: list[float] | None = None
+) -> float:
+    """Largest error of the displacement after DURATION of a period, relative to AMPLITUDE; the processor time of each
+    substep goes to `spent`."""
+    state, X, ghosts, own = octant(setting, cells, courant, per_axis)
 
     def before(t: float, dt: float) -> None:
         put(state, force=body_force(X, t))
         ghosts(state)
 
     end = DURATION * 2 / WAVE
-    advance(state, end, before=before)
+    with clocked(state, spent):
+        advance(state, end, before=before)
     wrong = state.U.to_numpy().astype(float) - displacement(X, end)
     return float(np.abs(wrong[own]).max() / AMPLITUDE)
 
