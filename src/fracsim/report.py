@@ -188,8 +188,8 @@ class Report:
         share = self.clamped / max(len(self.volume) * self.substeps, 1)
         if share > CRUSHED:
             found.append(
-                f"J < 0.05 in {share:.2%} of all substeps of all particles, where the stress takes it for 0.05: stress "
-                "and energy are off there"
+                f"J < 0.05 in {100 * share:.2g} % of all substeps of all particles, where the stress takes it for 0.05 "
+                "and energy is off: use a smaller fracture.crit or loading.speed, or solver.dt=auto"
             )
         return found
 

@@ -13,6 +13,7 @@ from fracsim import backend
 from fracsim.bench import known, scenes
 from fracsim.bench.record import Row
 from fracsim.bench.scenes import SCENES, Outcome
+from fracsim.configs import compose
 from fracsim.vocab import Backend
 
 REFERENCE = "quality=reference"
@@ -63,15 +64,22 @@ class Point:
 def points(settings: dict[str, tuple[str, ...]], names: tuple[str, ...]) -> Iterator[Point]:
     """Run every setting on every problem and scene, the reference of a scene first."""
     for name in names:
-        if name in known.PROBLEMS:
-            for setting, overrides in settings.items():
-                found = known.PROBLEMS[name](scenes.scene("low stretch", *overrides).solver)
-                yield Point(name, setting, found, found.errors)
-            continue
-        true = scenes.run(scenes.scene(name, REFERENCE))
-        for setting, overrides in settings.items():
-            made = true if overrides == (REFERENCE,) else scenes.run(scenes.scene(name, *overrides))
-            yield Point(name, setting, made, made.against(true))
+        yield from solved(name, settings) if name in known.PROBLEMS else torn(name, settings)
+
+
+def solved(name: str, settings: dict[str, tuple[str, ...]]) -> Iterator[Point]:
+    """A problem under every setting, against its exact answer."""
+    for setting, overrides in settings.items():
+        found = known.PROBLEMS[name](compose(*overrides).solver)
+        yield Point(name, setting, found, found.errors)
+
+
+def torn(name: str, settings: dict[str, tuple[str, ...]]) -> Iterator[Point]:
+    """A scene under every setting, against its reference."""
+    true = scenes.run(scenes.scene(name, REFERENCE))
+    for setting, overrides in settings.items():
+        made = true if overrides == (REFERENCE,) else scenes.run(scenes.scene(name, *overrides))
+        yield Point(name, setting, made, made.against(true))
 
 
 def front(found: list[Point]) -> list[Point]:

@@ -86,6 +86,10 @@ class Holding:
     """Shares of this node and of the one behind it, (M, 2) float64."""
 
 
+NOBODY = Holding(np.zeros(1, np.int32), np.full((1, 2), -1, np.int32), np.zeros((1, 2)))
+"""For kernels that don't look."""
+
+
 def half_reach(scene: Scene) -> float:
     """Nodes this near to a grip's middle plane move with it [m] where there are no edges: right on average."""
     hung = end(max(np.abs(scene.loading.axis)))

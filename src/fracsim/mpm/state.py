@@ -11,7 +11,7 @@ import taichi as ti
 from fracsim import backend
 from fracsim.mpm import params as slot
 from fracsim.mpm.dilatation import KEPT, PAGE
-from fracsim.mpm.grips import half_reach, holding, tags
+from fracsim.mpm.grips import NOBODY, half_reach, holding, tags
 from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import Layout, apart, crowds, layout
 from fracsim.mpm.survey import observe, survey
@@ -198,7 +198,7 @@ class State:
         self.velocity = self._at_least(self.velocity, grid.size)
         self.copies = self._at_least(self.copies, grid.copies)
         self.nodes, self.source = device(grid.nodes), device(grid.source)
-        hold = holding(self.scene, grid, x)
+        hold = holding(self.scene, grid, x) if self.total else NOBODY  # `updated` asks at each substep
         self.owner, self.tied = device(hold.owner), device(hold.tied)
         self.tie_share = ti.ndarray(self.real, hold.share.shape)
         self.tie_share.from_numpy(hold.share.astype(self.dtype))

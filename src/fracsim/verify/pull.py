@@ -14,6 +14,8 @@ from fracsim.vocab import Backend, Capture, Fracture, Loading, Material, Scene, 
 
 HELD = 2
 """Cells of a grip."""
+PLACES = tuple((k + 0.5) / 8 for k in range(8))
+"""Where between two nodes the faces of grips are tried [cells]."""
 
 
 @dataclass(frozen=True)

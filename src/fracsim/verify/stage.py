@@ -102,8 +102,9 @@ class Stage(State):
 
     def _place_grid(self, grid: Layout, x: Array) -> None:
         super()._place_grid(grid, x)
-        self.owner.from_numpy(-self._held(x).astype(np.int32))
-        self.tied.from_numpy(np.full((len(x), 2), -1, np.int32))
+        if self.total:
+            self.owner.from_numpy(-self._held(x).astype(np.int32))
+            self.tied.from_numpy(np.full((len(x), 2), -1, np.int32))
 
 
 def free(scene: Scene, body: Particles) -> Stage:

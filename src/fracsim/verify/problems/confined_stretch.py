@@ -7,12 +7,11 @@ import numpy as np
 from fracsim.mpm.state import State
 from fracsim.report import Books
 from fracsim.verify.problem import Check, Setting, relative
+from fracsim.verify.pull import PLACES
 from fracsim.verify.stage import NEVER, advance, bar, flat, free, particles, put, scene
 from fracsim.vocab import Backend, Loading, Material, Scene
 
 E, STRETCH = 2e3, 1.5
-PLACES = tuple((k + 0.5) / 8 for k in range(8))
-"""Of the faces of the grips between nodes [cells]."""
 CASES = (("fixed_corotated", 0.3), ("neo_hookean", 0.45))
 
 

@@ -8,6 +8,7 @@ from fracsim.mpm.grips import along
 from fracsim.simulate import Simulator
 from fracsim.verify.closed_form import thinned, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
+from fracsim.verify.pull import PLACES
 from fracsim.verify.stage import NEVER, bar, free, put, scene, turned
 from fracsim.vocab import Backend, Capture, Loading, Material, Scene
 
@@ -23,8 +24,6 @@ TABLE = {
 """Nominal stress / E at STRETCHES, solved once more and elsewhere, to five digits."""
 RUNS = (("fixed_corotated", 0.3, 2.0), ("neo_hookean", 0.45, 2.6))
 E = 2e3
-PLACES = tuple((k + 0.5) / 8 for k in range(8))
-"""Of the faces of the grips between nodes [cells]."""
 AXES = (10.0, 20.0, 30.0, 45.0)
 """Of bars that lie across the grid [degrees]."""
 
