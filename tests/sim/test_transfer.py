@@ -39,7 +39,8 @@ def test_pad_and_registers_give_the_same_sums() -> None:
 @pytest.mark.parametrize(("formulation", "pressure"), [("total", "cell"), ("total", "particle"), ("updated", "auto")])
 @pytest.mark.parametrize("viscosity", [0.0, 40.0])
 def test_every_drive_gives_the_same_motion(formulation: str, pressure: str, viscosity: float) -> None:
-    """Serial, threads (here one more than the cores) and the launches of a GPU: sums in another order, no more."""
+    """Serial, threads (here one more than the cores) and the launches of a GPU: sums in another order, no more. Grips
+    hold nodes, and in `total` tie others."""
     solver = Solver(formulation=formulation, pressure=pressure, cells=40, precision="float64")
     scene = bars.scene(solver=solver, material=Material(viscosity=viscosity, decay=1.0))
     body = bars.bar(solver, (0.6, 0.2, 0.1))
@@ -47,6 +48,7 @@ def test_every_drive_gives_the_same_motion(formulation: str, pressure: str, visc
     V = rng.normal(size=(len(body), 3))
     for drive, chunks in (("serial", 1), ("threads", 3), ("gpu", 1)):
         state = bars.driven(scene, body, drive, chunks)
+        assert (state.tied.to_numpy() >= 0).any() == state.total
         state.V.from_numpy(V)
         state.run(20, 2e-4, 0.0)
         moved[drive] = np.concatenate([state.U.to_numpy().ravel(), state.F.to_numpy().ravel(), state.booked()])
