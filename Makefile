@@ -52,11 +52,11 @@ verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verificat
 	$(RUN) fracsim.verify --formulation both
 
 stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and check what comes of them
-	$(RUN) fracsim.stress
-	$(RUN) fracsim.stress --blowup
+	$(RUN) fracsim.fuzz
+	$(RUN) fracsim.fuzz --blowup
 
 figures: $(VENV)/run.stamp  ## make the pictures of README anew
-	$(RUN) fracsim.gallery
+	$(RUN) fracsim.lab.gallery
 
 clean:  ## remove .venv and caches, not samples
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -17,8 +17,8 @@ from fracsim.bench.plan import FULL
 from fracsim.bench.record import Row, median, table, write
 from fracsim.bench.scenes import broken_at
 from fracsim.bench.worker import Worker
-from fracsim.film import Film
-from fracsim.vocab import CENTRE, Camera
+from fracsim.render.film import Film
+from fracsim.scene.vocab import CENTRE, Camera
 from tests.sim import bars
 
 CELLS, SUBSTEPS = 50, 60

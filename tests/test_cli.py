@@ -12,9 +12,10 @@ import trimesh
 from PIL import Image
 from rich.console import Console
 
-from fracsim import Scene, __main__, compose, console, pipeline, registry, sample
+from fracsim import Scene, __main__, compose, registry, sample
 from fracsim.asset import ply
-from fracsim.knob import describe
+from fracsim.run import console, pipeline
+from fracsim.scene.knob import describe
 from tests.command import SMALL, fracsim_command, samples
 
 ROOT = Path(__file__).parents[1]

@@ -1,4 +1,4 @@
-"""conf/ and `fracsim.vocab` say the same, and the presets hold the numbers that were decided."""
+"""conf/ and `fracsim.scene.vocab` say the same, and the presets hold the numbers that were decided."""
 
 import math
 from dataclasses import fields, is_dataclass
@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from fracsim import Scene, compose, configs, registry
-from fracsim.knob import describe
-from fracsim.vocab import BUILTIN, DT0, H0, MAPS
+from fracsim import Scene, compose, registry
+from fracsim.scene import program as configs
+from fracsim.scene.knob import describe
+from fracsim.scene.vocab import BUILTIN, DT0, H0, MAPS
 
 CONF = configs.folder()
 FILES = sorted(CONF.glob("*/*.yaml"))

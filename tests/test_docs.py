@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from fracsim.configs import compose
-from fracsim.knob import describe
 from fracsim.sample import sample_id
-from fracsim.vocab import Scene
+from fracsim.scene.knob import describe
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import Scene
 
 ROOT = Path(__file__).parents[1]
 ROWS = re.findall(r"^\|[^|]*\|[^|]*\| `([\w.]+):(\w+)` \| `([\w/.]+)(?:::(\w+))?` \|$",

@@ -15,12 +15,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from fracsim import Material, Scene, __main__, compose, configs, pipeline, sample
+from fracsim import Material, Scene, __main__, compose, sample
 from fracsim.asset import ply
+from fracsim.lab.stage import bar
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
-from fracsim.report import Report
-from fracsim.verify.stage import bar
+from fracsim.run import pipeline
+from fracsim.scene import program as configs
+from fracsim.solve.report import Report
 from tests.command import SMALL, fracsim_command, samples, start
 
 BLOW_UP = ("solver.dt=0.01", "solver.dt_override=true", "material=rubber")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fracsim import Camera, Capture, Fracture, Loading, Material, Scene, Solver
-from fracsim.film import Film, view_of
+from fracsim.camera import project
 from fracsim.records import Frame, Particles
-from fracsim.render.camera import project
-from fracsim.simulate import Simulator
-from fracsim.vocab import CENTRE
+from fracsim.render.film import Film, view_of
+from fracsim.scene.vocab import CENTRE
+from fracsim.solve.simulator import Simulator
 
 from .sim.bars import bar, scene
 

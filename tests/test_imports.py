@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 import fracsim
-from fracsim import backend, compose, pipeline
+from fracsim import backend, compose
+from fracsim.run import pipeline
 from tests.command import SMALL, python
 
 HEAVY = {"taichi", "torch", "trimesh", "hydra", "omegaconf", "scipy", "matplotlib", "rich", "plyfile", "imageio"}
@@ -29,7 +30,7 @@ def test_names_of_fracsim_are_there_when_asked_for() -> None:
         _ = fracsim.Walk
 
 
-@pytest.mark.parametrize("module", ["fracsim.sample", "fracsim.maps", "fracsim.records", "fracsim.configs"])
+@pytest.mark.parametrize("module", ["fracsim.sample", "fracsim.maps", "fracsim.records", "fracsim.scene.program"])
 def test_samples_and_maps_need_no_taichi(module: str) -> None:
     assert not loaded(f"import {module}") & {"taichi", "torch", "trimesh", "hydra", "scipy", "matplotlib", "rich"}
 
@@ -57,7 +58,8 @@ class Without:
             raise ImportError(name)
 
 sys.meta_path.insert(0, Without())
-from fracsim import compose, pipeline
+from fracsim import compose
+from fracsim.run import pipeline
 extras = ("capture.gaussians=true", "capture.particles=true", "capture.frames=2", "output.folder={tmp_path}")
 pipeline.run(compose(*{SMALL}, *extras))
 """

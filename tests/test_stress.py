@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 
 from fracsim import Backend, Fracture, Loading, Material, Scene, Solver
+from fracsim.fuzz import blowup, bodies, fitting
+from fracsim.fuzz.__main__ import main
+from fracsim.fuzz.case import Case, Start, read, sensible, write
+from fracsim.fuzz.draw import CYCLE, FAMILIES, draw
+from fracsim.fuzz.invariants import Watch
+from fracsim.fuzz.run import Outcome, run
+from fracsim.fuzz.study import JOURNAL, Worker, journal, numbers, study
+from fracsim.fuzz.table import lines, table
+from fracsim.lab import stage
 from fracsim.mpm import params as slot
 from fracsim.records import Frame
-from fracsim.simulate import SimulationError, Simulator
-from fracsim.stress import blowup, bodies, fitting
-from fracsim.stress.__main__ import main
-from fracsim.stress.case import Case, Start, read, sensible, write
-from fracsim.stress.draw import CYCLE, FAMILIES, draw
-from fracsim.stress.invariants import Watch
-from fracsim.stress.run import Outcome, run
-from fracsim.stress.study import JOURNAL, Worker, journal, numbers, study
-from fracsim.stress.table import lines, table
-from fracsim.verify import stage
+from fracsim.solve.simulator import SimulationError, Simulator
 
 
 def test_a_case_depends_on_seed_and_number_alone() -> None:
@@ -219,7 +219,7 @@ def test_what_recoils_into_its_grip_may_be_crushed_for_a_while_and_recovers(numb
 
 def test_a_run_that_would_hardly_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here after half the substeps that all of it takes at rest; sensible scenes of the study take up to 4 times."""
-    monkeypatch.setattr("fracsim.simulate.PATIENCE", 0.5)
+    monkeypatch.setattr("fracsim.solve.simulator.PATIENCE", 0.5)
     case = plain()
     case.scene["loading"]["speed"] = 2.0
     case.scene["fracture"] = {"onset": 9.0, "crit": 10.0}

@@ -7,19 +7,8 @@ from typing import Any
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
+from fracsim.scene.vocab import Asset, Backend, Camera, Capture, Fracture, Loading, Material, Output, Scene, Solver
 from fracsim.version import __version__
-from fracsim.vocab import (
-    Asset,
-    Backend,
-    Camera,
-    Capture,
-    Fracture,
-    Loading,
-    Material,
-    Output,
-    Scene,
-    Solver,
-)
 
 __all__ = [
     "Asset",
@@ -41,11 +30,11 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """`Run` and `compose` load Taichi and Hydra, so they are imported when first used."""
     if name == "Run":
-        from fracsim.run import Run
+        from fracsim.run.session import Run
 
         return Run
     if name == "compose":
-        from fracsim.configs import compose
+        from fracsim.scene.program import compose
 
         return compose
     raise AttributeError(f"module 'fracsim' has no attribute {name!r}")

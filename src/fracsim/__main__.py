@@ -13,7 +13,7 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 
-from fracsim import configs
+from fracsim.scene import program as configs
 
 BAD, INTERRUPTED = 2, 130
 """Exit statuses."""
@@ -30,7 +30,7 @@ def fail(message: str) -> None:
 @hydra.main(config_path=str(configs.folder()), config_name="simulate", version_base="1.3")
 def run(cfg: Any) -> None:
     """Run the scene of one composed configuration."""
-    from fracsim import console, pipeline
+    from fracsim.run import console, pipeline
 
     job = HydraConfig.get()
     overrides: Any = OmegaConf.to_container(job.overrides.task, resolve=False)

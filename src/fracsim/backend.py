@@ -6,7 +6,7 @@ from contextlib import redirect_stdout
 from functools import cache
 from typing import Any
 
-from fracsim.vocab import Backend
+from fracsim.scene.vocab import Backend
 
 _started: Backend | None = None
 

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fracsim.asset import gaussians, mesh
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 SPACING = 0.02
 DUCK = Path(__file__).parents[2] / ".." / "shared" / "data" / "Duck.glb"

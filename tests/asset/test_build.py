@@ -8,7 +8,7 @@ import pytest
 
 from fracsim.asset import builtin
 from fracsim.asset.build import build
-from fracsim.vocab import CENTRE, Asset
+from fracsim.scene.vocab import CENTRE, Asset
 
 SPACING = 1 / 60
 

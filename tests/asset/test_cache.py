@@ -11,7 +11,7 @@ import trimesh
 from fracsim.asset import builtin, cache, mesh
 from fracsim.asset.build import build
 from fracsim.records import Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 SPACING = 1 / 40
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from fracsim.asset import fill, gaussians, implicit, place
 from fracsim.asset.implicit import Implicit
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 SPACING = 0.02
 

@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from fracsim.asset import limits, paint, surface
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 from .meshes import BALL, DUCK, SPACING, colours, hues, pieces, prepared, scaled, solid_angle_winding
 

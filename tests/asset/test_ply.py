@@ -5,7 +5,7 @@ import plyfile
 import pytest
 
 from fracsim.asset import enclose, gaussians, harmonics, limits, place, ply, splat
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 SPACING = 0.02
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fracsim.render.camera import View, framing, look_at, project
+from fracsim.camera import View, framing, look_at, project
 
 CENTRE = np.array([1.0, 1.0, 1.0])
 

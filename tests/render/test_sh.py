@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fracsim.render.camera import framing
+from fracsim.camera import framing
 from fracsim.render.sh import colour
 from fracsim.render.splat import colours
 from tests.reference import splat_numpy as oracle

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from fracsim.render.camera import framing, look_at, project
+from fracsim.camera import framing, look_at, project
 from fracsim.render.composite import compositor
 from fracsim.render.project import projector
 from fracsim.render.splat import Splatter, visibility

@@ -7,7 +7,7 @@ import matplotlib
 import pytest
 from PIL import Image
 
-from fracsim.sample.report import plot
+from fracsim.sample.curves import plot
 
 from .recording import HISTORY
 

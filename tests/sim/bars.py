@@ -3,7 +3,7 @@
 from typing import Any
 
 from fracsim import Backend, Scene
-from fracsim.verify.stage import angular_momentum, bar, driven, free, lattice, momentum, ordered, particles
+from fracsim.lab.stage import angular_momentum, bar, driven, free, lattice, momentum, ordered, particles
 
 __all__ = ["angular_momentum", "bar", "driven", "free", "lattice", "momentum", "ordered", "particles", "scene"]
 

@@ -7,7 +7,7 @@ from fracsim import Backend, Capture, Fracture, Loading, Material, Solver
 from fracsim.mpm.energy import kinetic
 from fracsim.mpm.state import State
 from fracsim.records import Array
-from fracsim.simulate import Simulator
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.problems import decay, translation
 
 from .bars import angular_momentum, free, lattice, momentum, ordered, particles, scene

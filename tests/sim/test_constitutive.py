@@ -8,7 +8,7 @@ import pytest
 import taichi as ti
 
 from fracsim import registry
-from fracsim.mpm.tensor import J_MIN, cofactor, principal_stretches, volume_ratio
+from fracsim.tensor import J_MIN, cofactor, principal_stretches, volume_ratio
 from fracsim.verify import closed_form
 from fracsim.verify.problems import confined_stretch
 from fracsim.verify.problems import uniaxial as uniaxial_problem

@@ -9,7 +9,7 @@ import taichi as ti
 from fracsim import Fracture, Loading, Material, Solver, registry
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
-from fracsim.simulate import Simulator
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.problems import damage_history
 
 from .bars import free, lattice, particles, scene

@@ -10,8 +10,8 @@ from fracsim.mpm.grips import TIED, Holding, holding
 from fracsim.mpm.layout import apart, layout
 from fracsim.mpm.state import State
 from fracsim.records import Array
-from fracsim.simulate import Simulator
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
+from fracsim.solve.simulator import Simulator
 
 from .bars import bar, lattice, particles, scene
 

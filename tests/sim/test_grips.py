@@ -6,7 +6,7 @@ import pytest
 from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
-from fracsim.simulate import Simulator
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
 
 from .bars import bar, lattice, particles, scene

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fracsim import Capture, Fracture, Loading, Material, Solver
-from fracsim.settle import STILL
-from fracsim.simulate import Simulator
+from fracsim.solve.settled import STILL
+from fracsim.solve.simulator import Simulator
 
 from .bars import bar, scene
 

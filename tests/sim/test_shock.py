@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fracsim import Material, Solver
+from fracsim.lab.stage import Stage, advance, elastic, flat, kinetic, lattice, particles, put, scene
 from fracsim.mpm import params as slot
 from fracsim.records import Array
-from fracsim.verify.stage import Stage, advance, elastic, flat, kinetic, lattice, particles, put, scene
 
 MU, DENSITY, CELLS, LENGTH = 5e3, 200.0, 100, 0.9
 """Shear modulus [Pa], density [kg/m^3], cells in 2 m, length of the row beside the wall [m]."""

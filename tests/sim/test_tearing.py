@@ -7,15 +7,15 @@ import pytest
 
 from fracsim import Asset, Capture, Fracture, Loading, Material, Solver
 from fracsim.asset.build import build
-from fracsim.cohesion import Cohesion
+from fracsim.fuzz.bodies import Body
+from fracsim.fuzz.bodies import build as build_body
 from fracsim.mpm.energy import kinetic
 from fracsim.mpm.layout import apart, layout
 from fracsim.mpm.state import State
 from fracsim.records import Particles
-from fracsim.ride import Ride
-from fracsim.simulate import Simulator
-from fracsim.stress.bodies import Body
-from fracsim.stress.bodies import build as build_body
+from fracsim.solve.failed import Ride
+from fracsim.solve.fragments import Cohesion
+from fracsim.solve.simulator import Simulator
 from fracsim.verify import closed_form
 from fracsim.verify.problems import notch as notch_problem
 from fracsim.verify.problems import softening as softening_problem

@@ -5,7 +5,7 @@ import taichi as ti
 
 from fracsim.mpm.bspline import stencil, weights
 from fracsim.mpm.survey import rotations
-from fracsim.mpm.tensor import cofactor, max_stretch, principal_stretches, rotation
+from fracsim.tensor import cofactor, max_stretch, principal_stretches, rotation
 
 from .test_constitutive import random_F
 

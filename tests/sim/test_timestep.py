@@ -9,8 +9,8 @@ from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
-from fracsim.simulate import SimulationError, Simulator, ready
-from fracsim.vocab import DT0
+from fracsim.scene.vocab import DT0
+from fracsim.solve.simulator import SimulationError, Simulator, ready
 
 from .bars import bar, free, particles, scene
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fracsim import Fracture, Material, Scene, Solver
-from fracsim.uniaxial import bar, regularised
+from fracsim.solve.uniaxial import bar, regularised
 
 # law, E, nu, onset, crit, stretch and nominal stress over E where (1 - d) P peaks
 SOFTENING = [

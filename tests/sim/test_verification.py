@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fracsim.scene.vocab import Solver
 from fracsim.verify import plots, problem
 from fracsim.verify.__main__ import main
 from fracsim.verify.closed_form import nominal, softening, uniaxial
 from fracsim.verify.elements import mesh, sheared
 from fracsim.verify.problem import Check, Setting
 from fracsim.verify.problems import axis_aligned, vortex
-from fracsim.vocab import Solver
 
 EXACT = [("translation", "both"), ("decay", "both"), ("collision", "updated"), ("damage_history", "both")]
 """To round-off in float64."""

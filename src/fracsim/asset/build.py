@@ -4,7 +4,7 @@ from importlib import import_module
 
 from fracsim.asset import cache, limits
 from fracsim.records import Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 MODULES = {"builtin": "fracsim.asset.builtin", "mesh": "fracsim.asset.mesh", "ply": "fracsim.asset.splat"}
 """The module of each asset.kind; its `prepare(asset, spacing, seed)` makes the particles."""

@@ -8,7 +8,7 @@ import numpy as np
 from fracsim import registry
 from fracsim.asset import fill, gaussians, implicit, limits, place
 from fracsim.records import Array, Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 DIFFERENCE = 0.2
 """Half width of the difference quotients, in spacings."""

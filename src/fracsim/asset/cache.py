@@ -18,7 +18,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from fracsim.records import Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 USED = {
     "builtin": ("kind", "name", "size", "rotate_deg"),

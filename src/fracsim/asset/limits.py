@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 SUFFIXES = {"mesh": (".obj", ".glb", ".gltf", ".ply", ".stl"), "ply": (".ply",)}
 MOST_BYTES = 1 << 31

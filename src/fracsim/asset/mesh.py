@@ -20,7 +20,7 @@ from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
 from fracsim.asset.surface import Surface
 from fracsim.records import Array, Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 REACH = 1.0  # spacings from the surface up to which a point is moved onto it
 STRAY = 0.005  # parts smaller than this fraction of the largest are crumbs of a doubtful inside

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.vocab import CENTRE, Asset
+from fracsim.scene.vocab import CENTRE, Asset
 
 HOME: Array = np.array(CENTRE)
 """Where the centre of the object's bounding box is placed [m], (3,)."""

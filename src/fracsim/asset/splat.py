@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from fracsim.asset import enclose, fill, gaussians, harmonics, limits, paint, place, ply
 from fracsim.records import Array, Particles
-from fracsim.vocab import Asset
+from fracsim.scene.vocab import Asset
 
 LONGEST, SHORTEST = 3.0, 0.02
 """Bounds of standard deviations, in spacings."""

@@ -11,7 +11,7 @@ from rich.console import Console
 from fracsim.bench import memory, splatting, startup, substep
 from fracsim.bench.plan import FULL, QUICK, Plan
 from fracsim.bench.record import Row, table, write
-from fracsim.machine import machine
+from fracsim.lab.machine import machine
 
 PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "substep": substep.rows,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.vocab import CENTRE, DT0, H0, Material
+from fracsim.scene.vocab import CENTRE, DT0, H0, Material
 
 E, NU, DENSITY = 2e3, 0.3, 200.0
 """Young's modulus [Pa], Poisson's ratio, density [kg/m^3]."""

@@ -10,7 +10,7 @@ import taichi as ti
 
 from fracsim.bench import bar
 from fracsim.records import Array
-from fracsim.vocab import DOMAIN
+from fracsim.scene.vocab import DOMAIN
 
 BLOCK = 4
 """Edge of a block [cells]; a particle reaches two cells further."""

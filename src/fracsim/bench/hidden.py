@@ -12,13 +12,13 @@ import numpy as np
 import taichi as ti
 
 from fracsim.bench.record import Row
-from fracsim.film import Film, Picture
+from fracsim.camera import TILE
 from fracsim.records import Array, Frame, Particles
-from fracsim.render.camera import TILE
 from fracsim.render.composite import ALPHA_CAP, STOP, pixels
+from fracsim.render.film import Film, Picture
 from fracsim.render.project import LOG_FLOOR
-from fracsim.simulate import Simulator
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
+from fracsim.solve.simulator import Simulator
 
 PHASES = {8: "unbroken", 16: "tearing", 40: "broken"}
 """Frames of the default loaf, which parts at frame 18."""

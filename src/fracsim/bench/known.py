@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracsim.bench.scenes import compile_kernels
-from fracsim.simulate import SimulationError
+from fracsim.scene.vocab import Fracture, Material, Solver
+from fracsim.solve.simulator import SimulationError
 from fracsim.verify import pull
 from fracsim.verify.closed_form import softening
 from fracsim.verify.problem import Setting
 from fracsim.verify.problems import axis_aligned
 from fracsim.verify.problems.softening import BAR, ROWS
-from fracsim.vocab import Fracture, Material, Solver
 
 BAR_CELLS, WAVE_CELLS = 50, 24
 """Cells along 2 m, and along a wavelength, where the default has 150 along 2 m."""

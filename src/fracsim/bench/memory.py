@@ -13,7 +13,7 @@ from fracsim.bench.bar import DENSITY, NU
 from fracsim.bench.plan import Plan
 from fracsim.bench.record import Row
 from fracsim.bench.worker import Worker
-from fracsim.vocab import Asset, Capture, Fracture, Loading, Material, Output, Scene, Solver
+from fracsim.scene.vocab import Asset, Capture, Fracture, Loading, Material, Output, Scene, Solver
 
 MOST = 2.0
 """GiB that 200,000 particles may take."""
@@ -82,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("cells", type=int)
     cells = parser.parse_args().cells
-    from fracsim import pipeline
+    from fracsim.run import pipeline
 
     encoders = Encoders()
     encoders.start()

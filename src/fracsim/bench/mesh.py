@@ -9,9 +9,9 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.bench.record import Row
-from fracsim.simulate import Simulator
-from fracsim.verify.stage import lattice, particles
-from fracsim.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.lab.stage import lattice, particles
+from fracsim.scene.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.solve.simulator import Simulator
 
 COARSE = 50
 """Cells along 2 m of the coarsest bar."""

@@ -6,7 +6,7 @@ from fracsim.bench import bar
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import State
 from fracsim.records import Array, Particles
-from fracsim.vocab import CENTRE, Backend, Scene, Solver
+from fracsim.scene.vocab import CENTRE, Backend, Scene, Solver
 
 
 class Ours:

@@ -13,8 +13,8 @@ from fracsim import backend
 from fracsim.bench import known, scenes
 from fracsim.bench.record import Row
 from fracsim.bench.scenes import SCENES, Outcome
-from fracsim.configs import compose
-from fracsim.vocab import Backend
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import Backend
 
 REFERENCE = "quality=reference"
 PRESETS = {"preview": ("quality=preview", "camera.width=128", "camera.height=128"), "default": (),

@@ -10,7 +10,7 @@ import taichi as ti
 
 from fracsim.bench import bar
 from fracsim.records import Array
-from fracsim.vocab import DOMAIN
+from fracsim.scene.vocab import DOMAIN
 
 MU, LAM = bar.material("fixed_corotated").mu, bar.material("fixed_corotated").lam
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from fracsim.machine import machine
+from fracsim.lab.machine import machine
 
 
 @dataclass(frozen=True)

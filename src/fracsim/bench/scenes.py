@@ -8,11 +8,11 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.asset.build import build
-from fracsim.configs import compose
-from fracsim.film import Film
 from fracsim.records import Array
-from fracsim.simulate import SimulationError, Simulator
-from fracsim.vocab import Scene
+from fracsim.render.film import Film
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import Scene
+from fracsim.solve.simulator import SimulationError, Simulator
 
 HALF = ("asset.size=0.3", "loading.offset=0.1", "loading.thickness=0.04", "capture.fps=300", "camera.width=128",
         "camera.height=128", "capture.rgb=false", "capture.maps=[stress,damage]", "backend.threads=1")  # fmt: skip

@@ -14,13 +14,13 @@ from fracsim import backend
 from fracsim.asset.build import build
 from fracsim.bench import hidden
 from fracsim.bench.record import Row
-from fracsim.configs import compose
-from fracsim.film import Film
+from fracsim.lab.stage import driven, lattice, particles
 from fracsim.mpm.kernels import types
-from fracsim.mpm.tensor import cofactor, max_stretch, principal_stretches, rotation
-from fracsim.simulate import Simulator
-from fracsim.verify.stage import driven, lattice, particles
-from fracsim.vocab import Scene, Solver
+from fracsim.render.film import Film
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import Scene, Solver
+from fracsim.solve.simulator import Simulator
+from fracsim.tensor import cofactor, max_stretch, principal_stretches, rotation
 
 SCENE = ("backend.threads=1", "capture.rgb=true")
 STILL = 1e-3

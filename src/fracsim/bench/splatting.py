@@ -11,7 +11,7 @@ from fracsim.bench.plan import Plan
 from fracsim.bench.record import Row, median
 from fracsim.bench.worker import Worker, serve
 from fracsim.records import Array, Frame, Particles
-from fracsim.vocab import CENTRE, Backend, Camera, Scene
+from fracsim.scene.vocab import CENTRE, Backend, Camera, Scene
 
 FRAME = 0.12
 """Seconds that a frame with maps may take."""
@@ -70,7 +70,7 @@ def timed(work: Callable[[], object]) -> float:
 def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
     """What is timed, each called once so that it is compiled; starts Taichi."""
     backend.start(Backend())
-    from fracsim.film import Film
+    from fracsim.render.film import Film
     from fracsim.render.splat import Splatter
 
     film = Film(Scene(camera=Camera(width=pixels, height=pixels, half_width=MARGIN * AXES[0])))

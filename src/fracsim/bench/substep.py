@@ -11,7 +11,7 @@ from fracsim.bench import bar
 from fracsim.bench.plan import Plan
 from fracsim.bench.record import Row, median
 from fracsim.bench.worker import Worker, serve
-from fracsim.vocab import DOMAIN, Backend
+from fracsim.scene.vocab import DOMAIN, Backend
 
 UNIT = "ns/particle"
 FASTER = 8

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from fracsim import backend
 from fracsim.bench.record import Row
-from fracsim.simulate import SimulationError
+from fracsim.scene.vocab import Backend, Fracture, Material, Solver
+from fracsim.solve.simulator import SimulationError
 from fracsim.verify.closed_form import softening
 from fracsim.verify.pull import Bar, over_gauge, simulator, until_parted
-from fracsim.vocab import Backend, Fracture, Material, Solver
 
 CLASSES = {
     "low stretch": (Material(law="fixed_corotated", E=6e3, nu=0.25), 0.8, (1.6, 2.0, 2.3, 2.6, 3.0, 3.3)),

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import cofactor, rotation, volumetric_bound
+from fracsim.tensor import cofactor, rotation, volumetric_bound
 
 
 @ti.func

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import J_MIN, volumetric_bound
+from fracsim.tensor import J_MIN, volumetric_bound
 
 
 @ti.func

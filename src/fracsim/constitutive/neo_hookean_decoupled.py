@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import J_MIN, largest_eigenvalue
+from fracsim.tensor import J_MIN, largest_eigenvalue
 
 LAM_IS_BULK_MODULUS = True
 """At small strain lam resists the change of volume alone: Hooke's law with lam - 2 mu / 3 (as in PhysGaussian)."""

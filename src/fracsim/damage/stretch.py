@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.mpm.tensor import max_stretch
+from fracsim.tensor import max_stretch
 
 
 @ti.func

@@ -20,12 +20,12 @@ import numpy as np
 from fracsim import backend
 from fracsim.asset import ply
 from fracsim.asset.build import build
-from fracsim.configs import compose
-from fracsim.film import Film
-from fracsim.machine import cpu
+from fracsim.lab.machine import cpu
 from fracsim.records import Array
-from fracsim.simulate import SimulationError, Simulator
-from fracsim.vocab import BUILTIN, Backend, Scene
+from fracsim.render.film import Film
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import BUILTIN, Backend, Scene
+from fracsim.solve.simulator import SimulationError, Simulator
 
 FILE = Path("tests/reference/golden.json")
 BASE = ("solver.cells=40", "camera.width=64", "camera.height=64", "capture.tracks=16", "backend.threads=1")

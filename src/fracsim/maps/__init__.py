@@ -4,6 +4,6 @@ A map module has CHANNELS; UNIT and LABEL, for people; SCALE, the value shown as
 clip. `codec` turns recorded maps into video in [0, 1] and back; it is not a map, so its file has an underscore.
 """
 
-from fracsim.maps import _codec as codec
+from fracsim import codec
 
 __all__ = ["codec"]

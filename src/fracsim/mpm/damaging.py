@@ -11,8 +11,8 @@ import taichi as ti
 
 from fracsim.mpm.dilatation import kept
 from fracsim.mpm.params import CRIT, DT, EXEMPT, LAM, MU, ONSET
-from fracsim.mpm.tensor import J_MIN, deformed
 from fracsim.registry import load
+from fracsim.tensor import J_MIN, deformed
 
 
 class Damaging(NamedTuple):

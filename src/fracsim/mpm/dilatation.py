@@ -9,7 +9,7 @@ sum (1 - d) V (... + lam U(theta)), so that damaged particles count less, failed
 
 import taichi as ti
 
-from fracsim.mpm.tensor import cofactor, deformed, volume_ratio
+from fracsim.tensor import cofactor, deformed, volume_ratio
 
 PAGE = 256
 """Places of a thread at least, 4 KiB in float32: what two threads write nearer to each other they write more slowly."""

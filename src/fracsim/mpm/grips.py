@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from fracsim.mpm.books import tally
 from fracsim.mpm.ends import end
 from fracsim.mpm.layout import Layout
 from fracsim.mpm.params import (
@@ -20,8 +19,9 @@ from fracsim.mpm.params import (
     UY,
     UZ,
 )  # fmt: skip
+from fracsim.mpm.tally import tally
 from fracsim.records import Array
-from fracsim.vocab import CENTRE, Loading, Scene
+from fracsim.scene.vocab import CENTRE, Loading, Scene
 
 BESIDE = 1.5
 """Material this near to what a grip moves [cells] is stretched more than that further away, by up to a third."""

@@ -11,10 +11,10 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.mpm.books import Ledger
 from fracsim.mpm.node import Nodes, node_function
 from fracsim.mpm.params import DT, PARAMETERS, REACH, SPEED, TIME
 from fracsim.mpm.particle import Points, particle_function
+from fracsim.mpm.tally import Ledger
 from fracsim.mpm.transfer import Grid
 
 CHUNK = 512

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from fracsim.mpm.books import tally
 from fracsim.mpm.grips import TIED, grip_of_node, hold, tie
 from fracsim.mpm.params import (
     ALPHA,
@@ -29,6 +28,7 @@ from fracsim.mpm.params import (
     WALL,
     H,
 )  # fmt: skip
+from fracsim.mpm.tally import tally
 from fracsim.mpm.transfer import projection_loss
 
 

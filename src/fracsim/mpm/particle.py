@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from fracsim.mpm.books import ask_to_halt, report_fault, tally
 from fracsim.mpm.bspline import stencil
 from fracsim.mpm.damaging import damaging
 from fracsim.mpm.dilatation import average, keep, kept
@@ -38,9 +37,10 @@ from fracsim.mpm.params import (
     H,
 )  # fmt: skip
 from fracsim.mpm.stress import force
-from fracsim.mpm.tensor import J_MIN, cofactor, deformed, volume_ratio
+from fracsim.mpm.tally import ask_to_halt, report_fault, tally
 from fracsim.mpm.transfer import gather, kinetic, kinetic_of_nodes, projection_loss, scatter
 from fracsim.registry import load
+from fracsim.tensor import J_MIN, cofactor, deformed, volume_ratio
 
 
 class Points(NamedTuple):

@@ -18,7 +18,7 @@ from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
 from fracsim.mpm.transfer import PAD
 from fracsim.records import Array, Particles
-from fracsim.vocab import CENTRE, Scene
+from fracsim.scene.vocab import CENTRE, Scene
 
 MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""

@@ -10,10 +10,10 @@ from fracsim.mpm.bspline import stencil
 from fracsim.mpm.dilatation import refresh
 from fracsim.mpm.kernels import CHUNK, types
 from fracsim.mpm.params import LAM, LX, LY, LZ, MU, PEAKS, RH
-from fracsim.mpm.tensor import J_MIN, cofactor, deformed, principal_stretches, rotation, volume_ratio
 from fracsim.mpm.transfer import Grid, kinetic_of_nodes
 from fracsim.records import Array
 from fracsim.registry import load
+from fracsim.tensor import J_MIN, cofactor, deformed, principal_stretches, rotation, volume_ratio
 
 
 @cache

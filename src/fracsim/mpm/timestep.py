@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from fracsim.vocab import DT0, H0, Scene
+from fracsim.scene.vocab import DT0, H0, Scene
 
 ROTATION = 0.2
 """A particle may turn or stretch by at most this much in a substep: dt |C| <= ROTATION."""

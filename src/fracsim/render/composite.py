@@ -5,7 +5,7 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.render.camera import TILE
+from fracsim.camera import TILE
 from fracsim.render.project import LOG_FLOOR
 
 # Constants of the original 3DGS (Kerbl et al. 2023).

@@ -6,7 +6,7 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.render.camera import NEAR, TILE
+from fracsim.camera import NEAR, TILE
 
 # Constants of the original 3DGS (Kerbl et al. 2023).
 LOW_PASS = 0.3

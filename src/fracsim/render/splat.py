@@ -7,11 +7,11 @@ import taichi as ti
 from taichi.lang.util import to_taichi_type
 
 from fracsim.backend import on_cpu
+from fracsim.camera import NEAR, TILE, View
+from fracsim.camera import project as project_points
 from fracsim.records import Array
 from fracsim.render import sh as harmonics
 from fracsim.render import tiles
-from fracsim.render.camera import NEAR, TILE, View
-from fracsim.render.camera import project as project_points
 from fracsim.render.composite import compositor
 from fracsim.render.project import projector
 

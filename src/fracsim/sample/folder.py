@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fracsim.sample import schema
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
 
 
 def find(scene: Scene) -> Path | None:

@@ -15,7 +15,7 @@ from fracsim.sample import schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.quantise import LEVELS, dequantise
 from fracsim.sample.video import count, decode
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
 
 
 class Tracks(NamedTuple):

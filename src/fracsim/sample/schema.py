@@ -13,7 +13,7 @@ import numpy as np
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
 
 VERSION = 1
 META = "meta.json"

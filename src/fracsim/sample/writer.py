@@ -19,7 +19,7 @@ from fracsim.sample.provenance import provenance
 from fracsim.sample.quantise import LEVELS, quantise
 from fracsim.sample.strip import Panel, Strip, reduction
 from fracsim.sample.video import Encoder
-from fracsim.vocab import Scene
+from fracsim.scene.vocab import Scene
 
 __all__ = ["Writer", "find"]
 
@@ -217,7 +217,7 @@ class Writer:
             curves: dict[str, Any] = {name: np.asarray(curve) for name, curve in history.items()}
             np.savez_compressed(self.folder / schema.HISTORY, **curves)
         if history and self._scene.capture.report:
-            from fracsim.sample.report import plot  # here, because matplotlib takes long to load
+            from fracsim.sample.curves import plot  # here, because matplotlib takes long to load
 
             fracture = self._scene.fracture
             crit = report.get("lambda_crit", fracture.crit)  # not that of the scene where fracture.length changed it

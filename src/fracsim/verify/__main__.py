@@ -13,10 +13,10 @@ from rich.progress import Progress
 from rich.table import Table
 
 from fracsim import backend
-from fracsim.machine import machine
+from fracsim.lab.machine import machine
+from fracsim.scene.vocab import Backend
 from fracsim.verify import plots, problem
 from fracsim.verify.problem import Check, Setting
-from fracsim.vocab import Backend
 
 FOLDER = Path("docs/verification")
 QUALITIES = ("default", "preview", "paper", "reference")

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fracsim import registry
-from fracsim.configs import compose
-from fracsim.vocab import H0, Solver
+from fracsim.scene.program import compose
+from fracsim.scene.vocab import H0, Solver
 
 PACKAGE = "fracsim.verify.problems"
 FORMULATIONS = ("total", "updated")

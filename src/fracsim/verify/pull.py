@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from fracsim.lab.stage import lattice, particles
 from fracsim.mpm.grips import along
 from fracsim.records import Array
-from fracsim.simulate import Simulator
+from fracsim.scene.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
-from fracsim.verify.stage import lattice, particles
-from fracsim.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
 
 HELD = 2
 """Cells of a grip."""

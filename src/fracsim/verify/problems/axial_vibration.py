@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import Stage, advance, elastic, flat, kinetic, put, row
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, at_least, relative
-from fracsim.verify.stage import Stage, advance, elastic, flat, kinetic, put, row
-from fracsim.vocab import Material
 
 E, DENSITY, LENGTH, AMPLITUDE, PERIODS = 2e3, 200.0, 1.0, 0.01, 5
 """Modulus [Pa], density [kg/m^3], length of a half [m], first velocity at its end / wave speed, periods watched."""

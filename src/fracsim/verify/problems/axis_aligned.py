@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from fracsim.lab.stage import Ghosts, Stage, advance, free, particles, put, scene
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import State
 from fracsim.records import Array
+from fracsim.scene.vocab import CENTRE, Material
 from fracsim.verify.problem import Check, Setting, at_least, told
-from fracsim.verify.stage import Ghosts, Stage, advance, free, particles, put, scene
-from fracsim.vocab import CENTRE, Material
 
 E, NU, DENSITY, AMPLITUDE, SIZE, DURATION = 2e3, 0.3, 200.0, 0.05, 0.5, 0.25
 """Modulus [Pa], Poisson's ratio, density [kg/m^3], amplitude [m], edge of the octant [m], periods watched."""

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import curve_fit
 
+from fracsim.lab.stage import Stage, advance, lattice, ordered, particles, scene
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import Stage, advance, lattice, ordered, particles, scene
-from fracsim.vocab import Material
 
 E, DENSITY, LENGTH, SLENDER, SAG = 2e3, 200.0, 0.8, 10, 0.01
 """Modulus [Pa], density [kg/m^3], length [m], length / depth, static sag / length."""

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracsim.lab.stage import NEVER
 from fracsim.records import Array
+from fracsim.scene.vocab import Material, Solver
 from fracsim.verify.closed_form import uniaxial
 from fracsim.verify.problem import Check, Setting, absolute, relative, told
 from fracsim.verify.pull import Bar, simulator
-from fracsim.verify.stage import NEVER
-from fracsim.vocab import Material, Solver
 
 BAR, E, STRETCH = Bar(gauge=0.64, width=0.16, height=0.16), 2e4, 1.5
 RATIOS = (0.45, 0.49, 0.499)

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, angular_momentum, free, lattice, momentum, particles, put, scene
 from fracsim.mpm.energy import masses
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, told
-from fracsim.verify.stage import advance, angular_momentum, free, lattice, momentum, particles, put, scene
-from fracsim.vocab import Material
 
 FORMULATIONS = ("updated",)
 """`total` has no contact."""

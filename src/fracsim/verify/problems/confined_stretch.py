@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import NEVER, advance, bar, flat, free, particles, put, scene
 from fracsim.mpm.state import State
-from fracsim.report import Books
+from fracsim.scene.vocab import Backend, Loading, Material, Scene
+from fracsim.solve.report import Books
 from fracsim.verify.problem import Check, Setting, relative
 from fracsim.verify.pull import PLACES
-from fracsim.verify.stage import NEVER, advance, bar, flat, free, particles, put, scene
-from fracsim.vocab import Backend, Loading, Material, Scene
 
 E, STRETCH = 2e3, 1.5
 CASES = (("fixed_corotated", 0.3), ("neo_hookean", 0.45))

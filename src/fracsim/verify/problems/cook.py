@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracsim.lab.stage import Stage, advance, flat, particles, put, scene, slow
 from fracsim.mpm.energy import masses
 from fracsim.mpm.layout import order
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.elements import sheared
 from fracsim.verify.problem import Check, Setting, relative, told
-from fracsim.verify.stage import Stage, advance, flat, particles, put, scene, slow
-from fracsim.vocab import Material
 
 CORNERS = np.array([[0.0, 0.0], [0.48, 0.44], [0.48, 0.60], [0.0, 0.44]])
 """Counter-clockwise [m]; the left edge is held."""

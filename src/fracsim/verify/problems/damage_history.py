@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import bar, free, put, scene
 from fracsim.mpm.state import State
 from fracsim.records import Array
+from fracsim.scene.vocab import Fracture, Material
 from fracsim.verify.problem import Check, Setting, absolute
-from fracsim.verify.stage import bar, free, put, scene
-from fracsim.vocab import Fracture, Material
 
 HISTORY = (1, 1.5, 1.7, 2.1, 1.2, 2.1, 2.5, 2.2, 0.6)
 THRESHOLDS = Fracture(onset=1.5, crit=2.3)

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 
+from fracsim.lab.stage import free, lattice, ordered, particles, put, scene
+from fracsim.scene.vocab import DT0, Material
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import free, lattice, ordered, particles, put, scene
-from fracsim.vocab import DT0, Material
 
 RATE, DURATION, SUBSTEPS = 5.0012504, 1.0, 2000
 """The paper's g = 0.9995 a substep of 1e-4 s as a rate [1/s]."""

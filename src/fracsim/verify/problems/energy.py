@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from fracsim.scene.vocab import Fracture, Material
 from fracsim.verify.problem import Check, Setting, absolute, told
 from fracsim.verify.pull import Bar, simulator
-from fracsim.vocab import Fracture, Material
 
 MATERIALS = {
     "undamped": Material(law="fixed_corotated", E=2e3, nu=0.3),

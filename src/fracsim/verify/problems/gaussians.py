@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fracsim.asset.harmonics import basis
-from fracsim.film import Film
 from fracsim.records import Array, Frame, Particles
+from fracsim.render.film import Film
 from fracsim.verify.problem import Check, Setting, absolute
 
 FORMULATIONS = ("total",)

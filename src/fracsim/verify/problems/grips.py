@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from fracsim.simulate import Simulator
+from fracsim.lab.stage import NEVER, bar
+from fracsim.scene.vocab import Backend, Capture, Loading, Material, Scene
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
 from fracsim.verify.problem import Check, Setting, absolute, relative
-from fracsim.verify.stage import NEVER, bar
-from fracsim.vocab import Backend, Capture, Loading, Material, Scene
 
 LAW, E, NU, DENSITY = "neo_hookean", 1e5, 0.45, 200.0
 SPEED, GAUGE, CELLS = 0.6, 16, 50

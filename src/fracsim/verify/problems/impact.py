@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, flat, put, row
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import advance, flat, put, row
-from fracsim.vocab import Material
 
 FORMULATIONS = ("updated",)
 """`total` has no contact."""

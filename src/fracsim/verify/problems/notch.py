@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.scene.vocab import Fracture, Material
 from fracsim.verify.problem import Check, Setting, absolute, told
 from fracsim.verify.pull import Bar, at_break, simulator, until_parted
-from fracsim.vocab import Fracture, Material
 
 H = 2 / 50
 BAR = Bar(gauge=16 * H, width=6 * H, height=4 * H, notch=H, at=3 * H)

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, angular_momentum, free, kinetic, lattice, ordered, particles, put, scene
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, relative, told
-from fracsim.verify.stage import advance, angular_momentum, free, kinetic, lattice, ordered, particles, put, scene
-from fracsim.vocab import Material
 
 E, NU, DENSITY, OMEGA, SIZE = 1e4, 0.3, 200.0, 2 * np.pi, 0.12
 """Young's modulus [Pa], Poisson's ratio, density [kg/m^3], rate [rad/s], edge [m]."""

@@ -5,10 +5,10 @@ The damage law has no length scale, so the work a section falls with the cell on
 
 from collections.abc import Iterator
 
+from fracsim.scene.vocab import Fracture, Material
 from fracsim.verify.closed_form import softening
 from fracsim.verify.problem import Check, Setting, relative, told
 from fracsim.verify.pull import Bar, at_break, at_peak, simulator, until_parted
-from fracsim.vocab import Fracture, Material
 
 MATERIAL, FRACTURE = Material(law="fixed_corotated", E=2e3, nu=0.3), Fracture(onset=1.5, crit=2.3)
 UNIFORM = Bar(gauge=0.64, width=0.16, height=0.16)

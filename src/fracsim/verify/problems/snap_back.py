@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, bar, follow, free, put, scene
+from fracsim.scene.vocab import Material
 from fracsim.verify.closed_form import thinned, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
-from fracsim.verify.stage import advance, bar, follow, free, put, scene
-from fracsim.vocab import Material
 
 DENSITY, CELLS = 200.0, 50
 ROWS = (("fixed_corotated", 2e3, 0.3, 1.5), ("neo_hookean", 2e4, 0.45, 2.6))

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
+from fracsim.scene.vocab import Fracture, Material
 from fracsim.verify.closed_form import softening
 from fracsim.verify.problem import Check, Setting, relative, told
 from fracsim.verify.pull import Bar, at_break, at_peak, over_gauge, simulator, until_parted
-from fracsim.vocab import Fracture, Material
 
 ROWS = (
     ("fixed_corotated", 2e3, 0.3, 1.5, 2.3, 1.6219, 0.45866, 0.37612),

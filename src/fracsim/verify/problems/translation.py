@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, free, lattice, momentum, ordered, particles, put, scene
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, relative
-from fracsim.verify.stage import advance, free, lattice, momentum, ordered, particles, put, scene
-from fracsim.vocab import Material
 
 VELOCITY = np.array([5.0, 2.0, -1.0])
 

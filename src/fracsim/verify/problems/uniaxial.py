@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import NEVER, bar, free, put, scene, turned
 from fracsim.mpm.grips import along
-from fracsim.simulate import Simulator
+from fracsim.scene.vocab import Backend, Capture, Loading, Material, Scene
+from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import thinned, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
 from fracsim.verify.pull import PLACES
-from fracsim.verify.stage import NEVER, bar, free, put, scene, turned
-from fracsim.vocab import Backend, Capture, Loading, Material, Scene
 
 STRETCHES = (1.5, 2.0, 2.6, 3.0, 3.3)
 TABLE = {

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import Stage, advance, flat, free, ordered, particles, put, scene
 from fracsim.records import Array
+from fracsim.scene.vocab import CENTRE, Material
 from fracsim.verify.problem import Check, Setting, at_least, told
-from fracsim.verify.stage import Stage, advance, flat, free, ordered, particles, put, scene
-from fracsim.vocab import CENTRE, Material
 
 E, NU, DENSITY, TURN, DURATION = 1e3, 0.3, 1e3, 0.5, 0.5
 """Modulus [Pa], Poisson's ratio, density [kg/m^3], amplitude A [rad], time of the largest turn [s].

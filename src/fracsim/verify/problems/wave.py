@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fracsim.lab.stage import advance, flat, put, row
 from fracsim.records import Array
+from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, relative, told
-from fracsim.verify.stage import advance, flat, put, row
-from fracsim.vocab import Material
 
 E, DENSITY, LENGTH, RATIO = 2e3, 200.0, 1.0, 0.01
 """Modulus [Pa], density [kg/m^3], length of a half [m], v0 / c."""

@@ -1,0 +1,177 @@
+"""The fixed substep at which a small perturbation grows, beside the stability bound that `dt: auto` would use."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from rich.table import Table
+
+from fracsim import registry
+from fracsim.lab.stage import free, lattice, ordered, particles
+from fracsim.mpm.state import State
+from fracsim.mpm.timestep import stable
+from fracsim.records import Array, Particles
+from fracsim.scene.vocab import CENTRE, Backend, Capture, Fracture, Loading, Material, Scene, Solver
+
+CELLS, E, DENSITY = 50, 1e4, 200.0
+STEPS, GROWN, NUDGE = 600, 1e-3, 1e-6
+"""A perturbation of size NUDGE has grown when it is larger than GROWN after STEPS."""
+ASIDE = 2
+"""The last two particles stand far away, since grips must hold something; in a bar they are in a corner."""
+RESOLVED = 1.003
+"""Bisection ends at this ratio of a substep that blows up to one that does not."""
+TIGHT = 1.15
+"""The blow-up of an isolated particle is at most this many times the bound."""
+OBJECTS = ("particle", "block", "stretched")
+"""An isolated particle; a free block of 4^3 cells, at rest; one at stretch 2, held at its ends, free to contract."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is pushed until it blows up."""
+
+    law: str
+    nu: float
+    formulation: str
+    rpic: float
+    """Viscosity as the r of RPIC damping at the stability bound without it."""
+    object: str
+
+
+SETTINGS = [
+    Setting(*values)
+    for values in product(registry.names("fracsim.constitutive"), (0.1, 0.3, 0.49), ("total", "updated"), (0.0, 0.5),
+                          OBJECTS)
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """A setting, its bound [s], and the substep at which it blows up [s]."""
+
+    setting: Setting
+    bound: float
+    blowup: float
+
+    @property
+    def ratio(self) -> float:
+        """Blow-up over bound."""
+        return self.blowup / self.bound
+
+    @property
+    def kept(self) -> bool:
+        """Whether the bound is safe, and tight where it has to be."""
+        return 1 <= self.ratio <= (TIGHT if self.setting.object == "particle" else math.inf)
+
+
+def measure(setting: Setting) -> Row:
+    """Bisect the blow-up of a setting; the smallest substep that was seen to blow up."""
+    scene = _scene(setting)
+    state, F = _prepare(setting, scene)
+    bound = stable(scene, _stiffness(state, F))
+    low, high = 0.5 * bound, 4 * bound
+    while high / low > RESOLVED:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if _grows(state, F, middle) else (middle, high)
+    return Row(setting, bound, high)
+
+
+def _scene(setting: Setting) -> Scene:
+    """A scene in float64 whose grips hardly move."""
+    solver = Solver(cells=CELLS, precision="float64", formulation=setting.formulation)
+    plain = Material(law=setting.law, E=E, nu=setting.nu, density=DENSITY)
+    dt = solver.h * math.sqrt(DENSITY / (3 * plain.lam + 2 * plain.mu))
+    viscosity = setting.rpic * DENSITY * solver.h**2 / (4 * dt)
+    return Scene(
+        material=Material(law=setting.law, E=E, nu=setting.nu, density=DENSITY, viscosity=viscosity),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(offset=0.4, thickness=0.05, speed=1e-12),
+        solver=solver,
+        capture=Capture(frames=1),
+        backend=Backend(threads=1),
+    )
+
+
+def _prepare(setting: Setting, scene: Scene) -> tuple[State, Array]:
+    """A state in equilibrium and its deformation gradients, (N, 3, 3)."""
+    h, spacing = scene.solver.h, scene.solver.spacing
+    if setting.object == "stretched":
+        return _stretched(scene)
+    X = ordered(lattice((4 * h,) * 3, spacing), h) if setting.object == "block" else np.array([[1.003, 1.005, 0.998]])
+    aside = np.array([[0.4, 0, 0]])
+    state = free(scene, particles(np.concatenate([X, CENTRE + aside, CENTRE - aside]).astype(np.float32), spacing))
+    return state, np.tile(np.eye(3), (state.n, 1, 1))
+
+
+def _stretched(scene: Scene) -> tuple[State, Array]:
+    """A bar of 4 x 4 cells, stretched to twice its length, whose ends are held; its sides carry no stress.
+
+    In `updated` the particles are where the stretch has brought them, four a cell along the bar at rest: with two the
+    grid parts them here, whatever the substep.
+    """
+    h, spacing = scene.solver.h, scene.solver.spacing
+    scene.loading = Loading(offset=4.5 * h, thickness=5 * h, speed=1e-12)
+    bar = particles(ordered(lattice((10 * h, 4 * h, 4 * h), spacing), h), spacing)
+    side = _sides(State(scene, bar))
+    F = np.diag([2.0, side, side])
+    state = State(scene, bar if scene.solver.formulation == "total" else _moved(bar, side))
+    return state, np.tile(F, (state.n, 1, 1))
+
+
+def _moved(bar: Particles, side: float) -> Particles:
+    """A bar as long as this one, now stretched to it from half its length, where it had twice the particles."""
+    X = np.asarray(CENTRE) + (bar.X - np.asarray(CENTRE)) * [1.0, side, side]
+    body = particles(X.astype(np.float32), bar.spacing)
+    return replace(body, volume=body.volume / 2)
+
+
+def _sides(state: State) -> float:
+    """The stretch across of a bar at stretch 2 without stress on its sides, by bisection."""
+    low, high = 0.3, 1.2
+    for _ in range(60):
+        middle = (low + high) / 2
+        state.F.from_numpy(np.tile(np.diag([2.0, middle, middle]), (state.n, 1, 1)))
+        low, high = (middle, high) if state.observe()[0][0, 1, 1] < 0 else (low, middle)
+    return low
+
+
+def _stiffness(state: State, F: Array) -> float:
+    """The largest stiffness bound as `dt: auto` sees it."""
+    state.F.from_numpy(F)
+    return state.survey().stiffness
+
+
+def _grows(state: State, F: Array, dt: float) -> bool:
+    """Whether a random perturbation of F has grown, by which time the state is far from equilibrium."""
+    rng = np.random.default_rng(0)
+    state.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
+    state.V.from_numpy(np.zeros((state.n, 3)))
+    state.fresh = True  # nodes forget how they moved
+    state.C.from_numpy(np.zeros((state.n, 3, 3)))
+    state.U.from_numpy(np.zeros((state.n, 3)))
+    state.D.from_numpy(np.zeros(state.n))
+    for array in (state.faults, state.pad, state.copies):  # whatever the last blow-up left there
+        array.fill(0)
+    state.run(STEPS, dt, 0.0)
+    return not np.abs(state.F.to_numpy() - F)[: state.n - ASIDE].max() < GROWN
+
+
+def table(rows: Iterable[Row]) -> Table:
+    """Ratios of blow-up to bound: a line a material, a column an object."""
+    out = Table("law", "nu", "formulation", "r", title="blow-up substep / stability bound")
+    for name in OBJECTS:
+        out.add_column(name, justify="right")
+    groups: dict[tuple[str, float, str, float], dict[str, Row]] = {}
+    for row in rows:
+        s = row.setting
+        groups.setdefault((s.law, s.nu, s.formulation, s.rpic), {})[s.object] = row
+    for (law, nu, form, rpic), group in groups.items():
+        shown = [_coloured(group[name]) if name in group else "" for name in OBJECTS]
+        out.add_row(law, f"{nu:g}", form, f"{rpic:g}", *shown)
+    return out
+
+
+def _coloured(row: Row) -> str:
+    return f"[{'green' if row.kept else 'red'}]{row.ratio:.3f}[/]"

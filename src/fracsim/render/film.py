@@ -1,0 +1,125 @@
+"""Films a simulation: colour, maps, alpha and tracks of a frame, from one pass over the Gaussians."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fracsim import registry
+from fracsim.asset.harmonics import turned
+from fracsim.camera import View, framing, project
+from fracsim.mpm.survey import rotations
+from fracsim.records import Array, Frame, Particles
+from fracsim.render.splat import Splatter, colours, visibility
+from fracsim.scene.vocab import CENTRE, Scene
+
+MARGIN = 1.08
+"""How much more is seen than the motion of the grips needs."""
+SH0 = 0.28209479177387814
+"""The constant spherical harmonic, 1 / (2 sqrt(pi))."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What was filmed of one frame."""
+
+    rgb: Array | None
+    """Colour on white, (H, W, 3) uint8."""
+    alpha: Array | None
+    """Coverage, (H, W)."""
+    maps: dict[str, Array]
+    """Composited quantities on zero (Eq. 6), (H, W, C) each."""
+    median: Array | None
+    """Depth where half the light is lost [m], (H, W)."""
+
+
+def view_of(scene: Scene) -> View:
+    """The camera of a scene; by default one that sees the whole motion of the grips."""
+    c = scene.camera
+    if c.matrix:
+        fx, fy, cx, cy = c.intrinsics
+        return View(np.reshape(c.matrix, (4, 4)), fx, fy, cx, cy, c.width, c.height)
+    way = scene.loading.speed * scene.capture.duration
+    u = np.abs(scene.loading.axis)
+    half = MARGIN * (scene.asset.size / 2 + way * u)
+    width = c.half_width or float(half[0])
+    height = c.half_width * c.height / c.width or float(half[1])
+    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height)
+
+
+def on_white(image: Array, alpha: Array) -> Array:
+    """Colours over white as bytes, (H, W, 3); most pixels show nothing and need no arithmetic."""
+    out, seen = np.full((*alpha.shape, 3), 255, np.uint8), alpha > 0
+    over = image[seen, :3] + (1 - alpha[seen])[:, None]
+    out[seen] = np.rint(np.clip(over, 0, 1) * 255).astype(np.uint8)
+    return out
+
+
+class Film:
+    """Renders frames of one scene; colour and maps are one feature vector, composited in one pass."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.view = view_of(scene)
+        self.scene, self.size = scene, (self.view.width, self.view.height)
+        self.maps = {name: registry.load("fracsim.maps", name, "capture.maps") for name in scene.capture.maps}
+        self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
+        self.splatter = Splatter(self.view, self.channels) if self.channels else None
+
+    def describe(self) -> dict[str, Any]:
+        """The camera as plain numbers, for meta.json."""
+        return {name: np.asarray(value).tolist() for name, value in asdict(self.view).items()}
+
+    def splat(self, frame: Frame, particles: Particles, features: Array) -> tuple[Array, Array, Array]:
+        """Image (H, W, C), alpha (H, W) and median depth (H, W) [m] of any features a particle, (N, C)."""
+        if self.splatter is None or self.splatter.features != features.shape[1]:
+            self.splatter = Splatter(self.view, features.shape[1])
+        return self.splatter.render(frame.x, particles.covariance, frame.F, particles.opacity, features)
+
+    def colours(self, frame: Frame, particles: Particles) -> Array:
+        """Colour of each Gaussian as seen from here, (N, 3); a constant colour needs no rotation."""
+        if particles.sh.shape[1] == 1:
+            return np.maximum(0.5 + SH0 * particles.sh[:, 0], 0).astype(np.float32)
+        return colours(self.view, frame.x, particles.sh, rotations(frame.F))
+
+    def shoot(self, frame: Frame, particles: Particles) -> Picture:
+        """Film one frame."""
+        if not self.channels:
+            return Picture(None, None, {}, None)
+        parts = [self.colours(frame, particles)] if self.scene.capture.rgb else []
+        parts += [m.quantity(frame, self.view.rotation) for m in self.maps.values()]
+        image, alpha, median = self.splat(frame, particles, np.concatenate(parts, axis=1, dtype=np.float32))
+        rgb, maps, at = None, {}, 0
+        if self.scene.capture.rgb:
+            rgb, at = on_white(image, alpha), 3
+        for name, m in self.maps.items():
+            maps[name] = image[..., at : at + m.CHANNELS]
+            at += m.CHANNELS
+        return Picture(rgb, alpha, maps, median)
+
+    def choose_tracks(self, frame: Frame, particles: Particles, picture: Picture) -> Array:
+        """Indices of at most capture.tracks surface particles seen in `frame`, spread at random by the scene's seed."""
+        seen = particles.surface.copy()
+        if picture.median is not None:
+            seen &= visibility(self.view, picture.median, frame.x, particles.spacing)
+        candidates = np.flatnonzero(seen)
+        count = min(self.scene.capture.tracks, len(candidates))
+        rng = np.random.default_rng(np.random.SeedSequence([self.scene.seed, 1]))
+        return np.sort(rng.choice(candidates, count, replace=False))
+
+    def tracks(self, frame: Frame, tracked: Array, picture: Picture) -> tuple[Array, Array]:
+        """Image positions [px], (M, 2), and whether each tracked particle is seen, (M,)."""
+        x = frame.x[tracked]
+        xy = project(self.view, x)[0]
+        if picture.median is None:
+            return xy, np.zeros(len(x), bool)
+        return xy, visibility(self.view, picture.median, x, self.scene.solver.spacing)
+
+    @staticmethod
+    def gaussians(frame: Frame, particles: Particles) -> tuple[Array, Array, Array, Array]:
+        """Means, covariances F A F^T (N, 6), opacities and turned SH coefficients of the deformed Gaussians."""
+        xx, xy, xz, yy, yz, zz = particles.covariance.T
+        A = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
+        B = frame.F @ A @ frame.F.transpose(0, 2, 1)
+        upper = np.triu_indices(3)
+        sh = particles.sh if particles.sh.shape[1] == 1 else turned(particles.sh, rotations(frame.F))
+        return frame.x, B[:, upper[0], upper[1]], particles.opacity, sh

@@ -1,0 +1,51 @@
+"""A scene at the fingertips of Python: frames one by one, and pictures of any quantity."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fracsim import backend
+from fracsim.asset.build import build
+from fracsim.records import Array, Frame, Particles
+from fracsim.render.film import Film
+from fracsim.scene.vocab import Scene
+from fracsim.solve.report import Report
+from fracsim.solve.simulator import Simulator, ready
+
+
+class Run:
+    """Prepares the object and the solver of a scene; nothing is written to disk.
+
+    Raises ValueError or RuntimeError for a scene that cannot run.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        backend.start(scene.backend)
+        ready(scene)
+        self.scene = scene
+        self._simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, scene.seed))
+        self._film = Film(scene)
+
+    @property
+    def particles(self) -> Particles:
+        """The object at rest, in the order of the arrays of each frame."""
+        return self._simulator.particles
+
+    @property
+    def report(self) -> Report:
+        """What has been counted so far: `report.history`, `report.summary()`."""
+        return self._simulator.report
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frame 0 (the rest state), 1, 2, ...; raises SimulationError where the simulation fails."""
+        yield from self._simulator.frames()
+
+    def render(self, frame: Frame, quantity: Array | None = None) -> tuple[Array, Array]:
+        """A picture (H, W, C) float32 of a quantity a particle, (N,) or (N, C), on zero; and its alpha (H, W).
+
+        Without a quantity, the colour of the object, premultiplied by alpha.
+        """
+        values = self._film.colours(frame, self.particles) if quantity is None else np.asarray(quantity, np.float32)
+        features = values[:, None] if values.ndim == 1 else values
+        image, alpha, _ = self._film.splat(frame, self.particles, features)
+        return image, alpha

@@ -1,0 +1,1 @@
+"""From particles to frames: time stepping, fragments, failed particles, and the report of a run."""
