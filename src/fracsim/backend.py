@@ -48,6 +48,11 @@ def has_doubles(backend: Backend) -> bool:
     return backend.arch in ("cpu", "cuda")
 
 
+def computes_doubles() -> bool:
+    """Whether the running backend computes in float64."""
+    return has_doubles(_started or Backend())
+
+
 def on_cpu() -> bool:
     """Whether the running backend is a CPU."""
     return _started is None or _started.arch == "cpu"

@@ -12,56 +12,59 @@ import taichi as ti
 from fracsim.tensor import cofactor, deformed, volume_ratio
 
 PAGE = 256
-"""Places of a thread at least, 4 KiB in float32: what two threads write nearer to each other they write more slowly."""
-KEPT = 4
-"""Places for v and C of a particle, four numbers each; one stays empty, so that a place is found without division."""
+"""Least scratch places a thread, 4 KiB in float32: threads that write to nearby addresses slow each other down."""
+PLACES = 4
+"""Scratch places of a particle, four numbers each. v and C need three: a power of 2 saves a division."""
 
 
 @ti.func
-def average(p, many: ti.template(), D: ti.template(), volume: ti.template(), theta: ti.template()):
-    """Turn theta of all particles of a cell, the first of which is p, from their own J to the cell's mean."""
+def average_volume_ratio(p, counts: ti.template(), D: ti.template(), volume: ti.template(), theta: ti.template()):
+    """Replace theta of all particles of a cell, the first of which is p, by the cell's mean; they hold their own J."""
     weight, sum = D[p] * 0, D[p] * 0
-    for q in range(p, p + many[p]):
+    for q in range(p, p + counts[p]):
         if D[q] < 1:
             w = (1 - D[q]) * volume[q]
             weight += w
             sum += w * theta[q]
     if weight > 0:
-        for q in range(p, p + many[p]):
+        for q in range(p, p + counts[p]):
             theta[q] = sum / weight
 
 
 @ti.func
-def refresh(p, many: ti.template(), H: ti.template(), D: ti.template(), volume: ti.template(), theta: ti.template()):
-    """Give all particles of a cell, the first of which is p, the mean of what H = F - I is now."""
-    for q in range(p, p + many[p]):
-        F = deformed(H[q])
+def refresh(p, counts: ti.template(), grad_u: ti.template(), D: ti.template(), volume: ti.template(),
+            theta: ti.template()):  # fmt: skip
+    """Set theta of all particles of a cell, the first of which is p, to the mean at the present grad_u = F - I."""
+    for q in range(p, p + counts[p]):
+        F = deformed(grad_u[q])
         theta[q] = volume_ratio(F, cofactor(F))
-    average(p, many, D, volume, theta)
+    average_volume_ratio(p, counts, D, volume, theta)
 
 
 @ti.func
-def keep(p, v, C, b: ti.template(), g: ti.template(), ledger: ti.template()):
-    """Put the velocities of a particle away while its stress waits for its cell.
+def store_motion(p, v, C, c: ti.template()):
+    """Store v and C of a particle until the mean of its cell is known.
 
-    On a CPU they lie where those of the cell before lay, since a way to main memory costs as much as the stress.
+    On a CPU they overwrite those of the cell before: a trip to main memory costs as much as the stress.
     """
-    if ti.static(g.atomic):
-        b.V[p], b.C[p] = v, C
+    if ti.static(c.grid.atomic):
+        c.particles.V[p], c.particles.C[p] = v, C
     else:
-        r, o = ledger.row, (KEPT * p) & (b.wait.shape[1] - 1)
-        b.wait[r, o] = g.blank * b.wait[r, o] + ti.Vector([v[0], v[1], v[2], C[0, 0]])
-        b.wait[r, o + 1] = g.blank * b.wait[r, o + 1] + ti.Vector([C[0, 1], C[0, 2], C[1, 0], C[1, 1]])
-        b.wait[r, o + 2] = g.blank * b.wait[r, o + 2] + ti.Vector([C[1, 2], C[2, 0], C[2, 1], C[2, 2]])
+        s = ti.static(c.particles.scratch)
+        r, o = c.tally.row, (PLACES * p) & (s.shape[1] - 1)
+        s[r, o] = c.grid.zero * s[r, o] + ti.Vector([v[0], v[1], v[2], C[0, 0]])
+        s[r, o + 1] = c.grid.zero * s[r, o + 1] + ti.Vector([C[0, 1], C[0, 2], C[1, 0], C[1, 1]])
+        s[r, o + 2] = c.grid.zero * s[r, o + 2] + ti.Vector([C[1, 2], C[2, 0], C[2, 1], C[2, 2]])
 
 
 @ti.func
-def kept(p, b: ti.template(), g: ti.template(), ledger: ti.template()):
-    """The velocities v and C that were put away."""
-    v, C = b.V[p], b.C[p]
-    if ti.static(not g.atomic):
-        r, o = ledger.row, (KEPT * p) & (b.wait.shape[1] - 1)
-        x, y, z = b.wait[r, o], b.wait[r, o + 1], b.wait[r, o + 2]
+def stored_motion(p, c: ti.template()):
+    """The v and C that `store_motion` has stored."""
+    v, C = c.particles.V[p], c.particles.C[p]
+    if ti.static(not c.grid.atomic):
+        s = ti.static(c.particles.scratch)
+        r, o = c.tally.row, (PLACES * p) & (s.shape[1] - 1)
+        x, y, z = s[r, o], s[r, o + 1], s[r, o + 2]
         v = ti.Vector([x[0], x[1], x[2]])
         C = ti.Matrix([[x[3], y[0], y[1]], [y[2], y[3], z[0]], [z[1], z[2], z[3]]])
     return v, C

@@ -1,10 +1,12 @@
-"""Where a stretched object ends that hangs on held nodes: an elastic bar along the grips' axis, in one dimension.
+"""Where a stretched object ends at a grip, by an elastic bar along the grips' axis in one dimension.
 
-A bar whose nodes are held up to the one at 0 strains as if it ended 0.15 cells before that node, since particles there
-are stretched, too. For a face farther out, at f, the next node but for its place would have to be bound by a condition
-u_1 = a u_2 + b u_3 that leaves the rest of the bar in uniform strain. With u_i = i - f for i > 1 and forces K u, all
-nodes from the fourth on are in balance. The condition's force r, -a r, -b r must balance the other three, which gives a
-and b, and its work r (u_1 - a u_2 - b u_3) must vanish, which is a quadratic equation for u_1.
+A bar whose nodes are held up to the one at 0 strains as if it ended 0.15 cells before that node, since the particles
+there are stretched, too. If the face lies beyond the last held node, the next node (the edge) is tied to the two behind
+it, u_1 = a u_2 + b u_3, with a and b such that the rest of the bar strains uniformly.
+
+With u_i = i - f for i > 1, where f is the face, and forces K u, all nodes from the fourth on are in balance. The tie's
+force r, -a r, -b r must balance the other three, which gives a and b, and its work r (u_1 - a u_2 - b u_3) must vanish,
+which is a quadratic equation for u_1.
 """
 
 from functools import cache
@@ -15,41 +17,43 @@ import numpy as np
 from fracsim.records import Array
 
 PLANES, HELD = 20, 8
-"""Planes of nodes that are free, and that are held behind each end; what happens there is forgotten after three."""
+"""Planes of free nodes, and of held nodes behind each end; three planes inside, an end has no effect any more."""
 FINE = 8
-"""Particles a cell; with two, the ends lie elsewhere by 0.006 cells at most."""
+"""Particles a cell. Two particles a cell move the ends by at most 0.006 cells."""
 STEPS = 25
-"""Faces between which shares are interpolated."""
+"""Faces between which weights are interpolated."""
 
 
 class End(NamedTuple):
-    """The end of an object, whose nodes lie in planes across the axis, `pitch` apart along the direction of the grid
-    that is nearest to the axis; all lengths in cells."""
+    """The end of an object at a grip; lengths in cells.
+
+    Nodes lie in planes across the direction of the grid that is nearest to the axis.
+    """
 
     pitch: float
+    """Distance of the planes along the axis."""
     soft: float
-    """From the face of a grip to the first plane that need not be held for it."""
+    """Distance from a grip's face within which a plane is held."""
     gap: Array
-    """How much farther from the face the first free plane, the edge, may be: 0 to `pitch`, .."""
-    share: Array
-    """.. and the shares that the edge must then get of the velocities of the two planes behind it, relative to the
-    grip, (STEPS, 2)."""
+    """Distances of the edge beyond `soft`, 0 to `pitch`, (STEPS,)."""
+    table: Array
+    """Weights a and b for these gaps, (STEPS, 2)."""
 
-    def shares(self, gap: Array) -> Array:
-        """Both shares for edges with these gaps, (n, 2)."""
-        return np.stack([np.interp(gap, self.gap, share) for share in self.share.T], axis=1)
+    def weights(self, gap: Array) -> Array:
+        """Weights a and b for edges with these gaps, (n,) -> (n, 2)."""
+        return np.stack([np.interp(gap, self.gap, column) for column in self.table.T], axis=1)
 
 
 @cache
 def end(along: float) -> End:
-    """The end of a bar whose axis has this component, 0.7 to 1, along the nearest direction of the grid."""
+    """The end of a bar whose axis has the component `along`, 0.7 to 1, on the nearest direction of the grid."""
     x = along * np.arange(-HELD, PLANES + 2 + HELD)
     K = _stiffness(along, x)
     soft = (_length(K) - along * (PLANES + 1)) / 2
     gap = np.linspace(0, along, STEPS)
-    share = [_shares(K, np.maximum(x - (along - soft - g), 0)) for g in gap]
-    known = [k for k, s in enumerate(share) if s is not None]
-    return End(along, float(soft), gap[known], np.array([share[k] for k in known]))
+    weights = [_weights(K, np.maximum(x - (along - soft - g), 0)) for g in gap]
+    known = [k for k, w in enumerate(weights) if w is not None]
+    return End(along, float(soft), gap[known], np.array([weights[k] for k in known]))
 
 
 def _bspline(x: Array) -> Array:
@@ -72,15 +76,15 @@ def _stiffness(along: float, x: Array) -> Array:
 
 
 def _length(K: Array) -> float:
-    """Length of the uniform bar as stiff as this one between its held ends."""
-    moved = (np.arange(len(K)) > HELD + PLANES).astype(float)
+    """Length of the uniform bar that is as stiff as this one between its held ends."""
+    pulled = (np.arange(len(K)) > HELD + PLANES).astype(float)
     free = slice(HELD + 1, HELD + 1 + PLANES)
-    u = moved.copy()
-    u[free] = -np.linalg.solve(K[free, free], K[free] @ moved)
+    u = pulled.copy()
+    u[free] = -np.linalg.solve(K[free, free], K[free] @ pulled)
     return float(1 / (u @ K @ u))
 
 
-def _shares(K: Array, u: Array) -> Array | None:
+def _weights(K: Array, u: Array) -> Array | None:
     """a and b for a bar whose nodes from the third on are displaced by u; None if nothing balances."""
     first, others = HELD + 1, slice(HELD + 2, HELD + 4)
     u = np.where(np.arange(len(u)) <= first, 0, u)

@@ -1,9 +1,10 @@
-"""The kernels that drive particles and nodes through substeps, one set a backend.
+"""The kernel that drives particles and nodes through substeps, compiled for each variant of scene and machine.
 
-A call runs n substeps: scatter, then n times (nodes, gather [+ scatter]), so that a particle is visited once a
-substep. On a CPU each thread owns a contiguous chunk of particles and a copy of the nodes these touch, which the
-nodes sum: no atomics, no colours, the same result in each run. One thread runs all n substeps in one serial kernel,
-since starting a parallel loop costs 50-90 us. On a GPU there is one chunk, and scattering is atomic.
+A substep updates the nodes, then visits each particle once: it gathers from the nodes and scatters for the next
+substep. So a call of n substeps scatters once, then n times updates nodes and gathers, and the last gathering scatters
+no more. On a CPU each thread owns a contiguous chunk of particles and a copy of the nodes that these touch; the nodes
+sum the copies: no atomics, no colours, the same result in each run. One thread runs all n substeps in one serial
+launch, since starting a parallel loop costs 50-90 us. On a GPU there is one chunk, and scattering is atomic.
 """
 
 from functools import cache
@@ -11,10 +12,11 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.mpm.node import Nodes, node_function
+from fracsim.mpm.context import Context, NodeArrays, ParticleArrays, Variant
+from fracsim.mpm.node import update_node
 from fracsim.mpm.params import DT, PARAMETERS, REACH, SPEED, TIME
-from fracsim.mpm.particle import Points, particle_function
-from fracsim.mpm.tally import Ledger
+from fracsim.mpm.particle import stages, whole
+from fracsim.mpm.tally import Tally
 from fracsim.mpm.transfer import Grid
 
 CHUNK = 512
@@ -37,107 +39,93 @@ def types(real: Any) -> dict[str, Any]:
     }
 
 
+@ti.func
+def read(params: ti.template()):
+    """The parameters as local numbers: a kernel then need not read them again after each store."""
+    return ti.Vector([params[k] for k in ti.static(range(PARAMETERS))])
+
+
+@ti.func
+def last_step(last: ti.template()):
+    """Last substep to run: the earliest that any thread asked for. A request of this substep does not change it."""
+    least = last[0]
+    for c in range(1, last.shape[0]):
+        least = ti.min(least, last[c])
+    return least
+
+
+@ti.func
+def middle(step, total: ti.template(), params: ti.template()):
+    """Distance of the grips' middle planes from the centre at the end of a substep [m]; at rest for `total`."""
+    return params[REACH] if ti.static(total) else params[REACH] + params[SPEED] * (params[TIME] + step * params[DT])
+
+
 @cache
-def substeps(law: str, damage: str, total: bool, cellwise: bool, viscous: bool, forced: bool, grips: str,
-             drive: str, real: Any, wide: Any) -> Any:  # fmt: skip
-    """The kernel that runs substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the type of the books.
+def substeps(variant: Variant, drive: str, wide: Any) -> Any:
+    """The kernel of substeps; `drive` is `serial`, `threads` or `gpu`, `wide` the floating-point type of the sums.
 
-    Arguments of `serial`: n, parameters, particles (X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait),
-    strides (sx, sy, sz) and the number 0, velocity, copies, pad, nodes (index, owner, tied, share, source),
-    shift, start, books, faults, halt. The other two run one substep: its number and whether to gather and to scatter
-    stand in n's place.
+    `serial` runs all `count` substeps in one launch. The other two run one launch a substep, step = 0 .. count.
     """
-    visit = particle_function(law, damage, total, cellwise, viscous, forced, grips, real)
-    node = node_function(total, grips, real)
-    Scalar, Vector, Vector4, Matrix, Index, Table, Scalars, Vectors4 = types(real).values()
-    Books = ti.types.ndarray(dtype=wide, ndim=2)
-
-    @ti.func
-    def read(parameters: ti.template()):
-        """The parameters as numbers, which are read once and not after each store."""
-        return ti.Vector([parameters[k] for k in ti.static(range(PARAMETERS))])
-
-    @ti.func
-    def stop(halt: ti.template()):
-        """The substep after which somebody wants to stop; what one learns in this substep changes nothing in it."""
-        least = halt[0]
-        for c in range(1, halt.shape[0]):
-            least = ti.min(least, halt[c])
-        return least
-
-    @ti.func
-    def middle(step, K: ti.template()):
-        """Distance of the grips' middle planes from the centre at the end of a substep."""
-        return K[REACH] if ti.static(total) else K[REACH] + K[SPEED] * (K[TIME] + step * K[DT])
+    Scalar, Vector, Vector4, Matrix, Index, Table, Scalars, Vectors4 = types(variant.real).values()
+    Sums = ti.types.ndarray(dtype=wide, ndim=2)
+    total, visit, in_stages, atomic = variant.total, whole(variant), stages(variant), drive == "gpu"
 
     @ti.kernel
-    def serial(n: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector, C: Matrix, H: Matrix, D: Scalar,
-               volume: Scalar, tag: Index, anchor: Vector, force: Vector, many: Index, theta: Scalar, wait: Vectors4,
-               sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real, velocity: Vector4, copies: Vector4, pad: Vector4,
-               index: Index, owner: Index, tied: Table, share: Scalars, source: Table, shift: Index,
-               start: Index, books: Books, faults: Table, halt: Index):  # fmt: skip
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            K = read(parameters)
-            for step in range(n + 1):
-                more = step < n and step <= halt[0]
-                if faults[0, 0] == 0 and step - 1 <= halt[0]:
-                    for p in range(X.shape[0]):
-                        visit.whole(p, step, step > 0, more, 0 + shift[0], K,
-                                 ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
-                                 ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                                 ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
-                    if more:
-                        for q in range(index.shape[0]):
-                            node(q, step, middle(step + 1, K), K,
-                                 ti.static(Nodes(index, owner, tied, share, source)),
-                                 ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                                 ti.static(Ledger(0, books, faults, halt, False)))  # fmt: skip
+    def run(
+        step: ti.i32, count: ti.i32,
+        params: Scalar,  # (PARAMETERS,)
+        X: Vector, U: Vector, V: Vector,  # (N,) particles: see `ParticleArrays` for units
+        C: Matrix, grad_u: Matrix,  # (N,)
+        D: Scalar, volume: Scalar,  # (N,)
+        tag: Index, anchor: Vector, force: Vector,  # (N,)
+        cell_counts: Index, theta: Scalar, scratch: Vectors4,  # (N,), (N,), (threads, places)
+        sx: ti.i32, sy: ti.i32, sz: ti.i32, zero: variant.real,  # grid: see `Grid`
+        velocity: Vector4, momentum: Vector4, pad: Vector4,  # (size,), (copies,), (threads * PAD,)
+        index: Index, grip: Index, edge: Table, edge_weights: Scalars,  # nodes: see `NodeArrays`; (M,) and (M, 2)
+        source: Table,  # (M, threads)
+        shift: Index, start: Index,  # (threads,), (threads + 1,): see `fracsim.mpm.layout.Layout`
+        sums: Sums, faults: Table, last: Index,  # tally: see `Tally`; (threads, SUMS), (threads, 3), (threads,)
+    ):  # fmt: skip
+        particles = ti.static(
+            ParticleArrays(X, U, V, C, grad_u, D, volume, tag, anchor, force, cell_counts, theta, scratch)
+        )
+        nodes = ti.static(NodeArrays(index, grip, edge, edge_weights, source))
+        grid = ti.static(Grid(sx, sy, sz, velocity, momentum, pad, zero, atomic))
+        if ti.static(drive == "serial"):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                K = read(params)
+                c = ti.static(Context(variant, K, particles, nodes, grid, Tally(0, sums, faults, last, False)))
+                for k in range(count + 1):
+                    more = k < count and k <= last[0]
+                    if faults[0, 0] == 0 and k - 1 <= last[0]:
+                        for p in range(X.shape[0]):
+                            visit(p, k > 0, more, k, 0 + shift[0], c)
+                        if more:
+                            for q in range(index.shape[0]):
+                                update_node(q, k, middle(k + 1, total, K), c)
+        elif ti.static(drive == "threads"):
+            for q in range(shift.shape[0] * CHUNK):
+                t = q // CHUNK
+                if q % CHUNK == 0 and faults[t, 0] == 0 and step - 1 <= last_step(last):
+                    K, more = read(params), step < count and step <= last_step(last)
+                    c = ti.static(Context(variant, K, particles, nodes, grid, Tally(t, sums, faults, last, False)))
+                    for p in range(start[t], start[t + 1]):
+                        visit(p, step > 0, more, step, shift[t], c)
+            for q in range(shift.shape[0] * CHUNK):
+                if q % CHUNK == 0 and step < count and step <= last_step(last):
+                    t, chunks, K = q // CHUNK, shift.shape[0], read(params)
+                    c = ti.static(Context(variant, K, particles, nodes, grid, Tally(t, sums, faults, last, False)))
+                    for i in range(t * index.shape[0] // chunks, (t + 1) * index.shape[0] // chunks):
+                        update_node(i, step, middle(step + 1, total, K), c)
+        else:
+            c = ti.static(Context(variant, params, particles, nodes, grid, Tally(0, sums, faults, last, True)))
+            for stage in ti.static(in_stages):
+                for p in range(X.shape[0]):
+                    if faults[0, 0] == 0 and step - 1 <= last[0]:
+                        stage(p, step > 0, step < count and step <= last[0], step, shift[0], c)
+            for i in range(index.shape[0]):
+                if step < count and step <= last[0]:
+                    update_node(i, step, middle(step + 1, total, params), c)
 
-    @ti.kernel
-    def threads(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-                C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
-                many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
-                velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, tied: Table,
-                share: Scalars, source: Table, shift: Index, start: Index, books: Books, faults: Table,
-                halt: Index):  # fmt: skip
-        for q in range(shift.shape[0] * CHUNK):
-            if q % CHUNK == 0 and faults[q // CHUNK, 0] == 0 and step - 1 <= stop(halt):
-                c, K, more = q // CHUNK, read(parameters), scatters == 1 and step <= stop(halt)
-                for p in range(start[c], start[c + 1]):
-                    visit.whole(p, step, gathers == 1, more, shift[c], K,
-                             ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
-                             ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                             ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
-        for q in range(shift.shape[0] * CHUNK):
-            if q % CHUNK == 0 and scatters == 1 and step <= stop(halt):
-                c, chunks, K = q // CHUNK, shift.shape[0], read(parameters)
-                for i in range(c * index.shape[0] // chunks, (c + 1) * index.shape[0] // chunks):
-                    node(i, step, middle(step + 1, K), K,
-                         ti.static(Nodes(index, owner, tied, share, source)),
-                         ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, False)),
-                         ti.static(Ledger(c, books, faults, halt, False)))  # fmt: skip
-
-    @ti.kernel
-    def gpu(step: ti.i32, gathers: ti.i32, scatters: ti.i32, parameters: Scalar, X: Vector, U: Vector, V: Vector,
-            C: Matrix, H: Matrix, D: Scalar, volume: Scalar, tag: Index, anchor: Vector, force: Vector,
-            many: Index, theta: Scalar, wait: Vectors4, sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: real,
-            velocity: Vector4, copies: Vector4, pad: Vector4, index: Index, owner: Index, tied: Table,
-            share: Scalars, source: Table, shift: Index, start: Index, books: Books, faults: Table,
-            halt: Index):  # fmt: skip
-        for stage in ti.static(visit.stages):
-            for p in range(X.shape[0]):
-                if faults[0, 0] == 0 and step - 1 <= halt[0]:
-                    more = scatters == 1 and step <= halt[0]
-                    stage(p, step, gathers == 1, more, shift[0], parameters,
-                          ti.static(Points(X, U, V, C, H, D, volume, tag, anchor, force, many, theta, wait)),
-                          ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
-                          ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
-        for i in range(index.shape[0]):
-            if scatters == 1 and step <= halt[0]:
-                node(i, step, middle(step + 1, parameters), parameters,
-                     ti.static(Nodes(index, owner, tied, share, source)),
-                     ti.static(Grid(sx, sy, sz, velocity, copies, pad, blank, True)),
-                     ti.static(Ledger(0, books, faults, halt, True)))  # fmt: skip
-
-    return {"serial": serial, "threads": threads, "gpu": gpu}[drive]
+    return run

@@ -7,17 +7,17 @@ import numpy as np
 from fracsim.records import Array
 
 SPARE = 1
-"""Planes of nodes around the box: a kernel may round a particle on the face of a cell into the next one, where it finds
-one plane more, of no weight."""
+"""Spare planes of nodes around the box. A kernel may round a particle on the face of a cell into the next cell: it then
+touches one plane more, with zero weight."""
 BLOCK = 4
 """Particles are sorted by blocks of BLOCK^3 cells, so that neighbours in space are neighbours in memory."""
 FACE = 1e-3
-"""A particle so near to the face of a cell [cells] lies on it; positions are rounded by 1e-5. Objects are often filled
-in steps of half a cell, and who shares a pressure with whom must not depend on round-off."""
+"""A particle this near to the face of a cell [cells] lies on it; positions are rounded by 1e-5. Many objects are filled
+in steps of half a cell, and the grouping into cells, which share a pressure, must not depend on round-off."""
 
 
 def cells(y: Array) -> Array:
-    """The cell of each particle at y [cells], (N, 3) int; those on a face, as near as can be told, lie in the next."""
+    """Cells of particles at y [cells], (N, 3) -> (N, 3) int; a particle within FACE of a face lies in the next one."""
     return np.floor(y - (0.5 - FACE)).astype(np.int64)
 
 
@@ -32,22 +32,24 @@ def order(y: Array) -> Array:
     return np.argsort(key, kind="stable")
 
 
-def crowds(y: Array) -> Array:
-    """How many particles the cell has whose first one each is, otherwise 0, (N,) int32, for sorted particles at y
-    [cells]; what is not sorted makes more cells than there are."""
+def cell_counts(y: Array) -> Array:
+    """Particles per cell, stored at the cell's first particle, 0 elsewhere, (N,) int32.
+
+    Positions y [cells], (N, 3), must be sorted by cell.
+    """
     cell = cells(y)
     first = np.flatnonzero(np.append(True, (np.diff(cell, axis=0) != 0).any(axis=1)))
-    many = np.zeros(len(y), np.int32)
-    many[first] = np.diff(np.append(first, len(y)))
-    return many
+    counts = np.zeros(len(y), np.int32)
+    counts[first] = np.diff(np.append(first, len(y)))
+    return counts
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A dense box of nodes around the particles, of which only those near a particle are visited."""
+    """A dense box of nodes around the particles; only nodes near a particle are visited."""
 
     lowest: Array
-    """Index of the box's first node in the infinite grid whose node 0 is the object's centre, (3,) int."""
+    """Index of the box's first node in an infinite grid that has node 0 at the object's centre, (3,) int."""
     shape: tuple[int, int, int]
     """Nodes along each axis."""
     start: Array
@@ -66,16 +68,19 @@ class Layout:
         """Strides of the three axes."""
         return self.shape[1] * self.shape[2], self.shape[2], 1
 
-    def positions(self, aside: Array | None = None) -> Array:
-        """Positions at rest of the visited nodes [cells from the centre], (M, 3); `aside` as from `apart`."""
+    def positions(self, plane_offset: Array | None = None) -> Array:
+        """Positions at rest of the visited nodes [cells from the centre], (M, 3).
+
+        `plane_offset` [cells], (planes,), says how far `separate_fragments` has moved each plane of nodes along x.
+        """
         index = np.stack(np.unravel_index(self.nodes, self.shape), axis=1) + self.lowest
-        if aside is not None:
-            index[:, 0] -= aside[index[:, 0] - self.lowest[0]]
+        if plane_offset is not None:
+            index[:, 0] -= plane_offset[index[:, 0] - self.lowest[0]]
         return index
 
-    def beside(self, which: Array, axis: int, way: Array) -> Array:
-        """Which of the visited nodes lies beside each of these along an axis, to the side `way`, -1 or +1, or -1."""
-        wanted = self.nodes[which] + way.astype(np.int64) * self.strides[axis]
+    def neighbour(self, nodes: Array, axis: int, direction: Array) -> Array:
+        """The visited node next to each of `nodes` along an axis, in `direction` -1 or +1; else -1, (n,)."""
+        wanted = self.nodes[nodes] + direction.astype(np.int64) * self.strides[axis]
         at = np.minimum(np.searchsorted(self.nodes, wanted), len(self.nodes) - 1)
         return np.where(self.nodes[at] == wanted, at, -1)
 
@@ -85,16 +90,19 @@ class Layout:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
 
-def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> Layout:
-    """The layout for particles at y [cells from the object's centre], valid until one moves by `margin` cells; chunks
-    begin with one of the particles `heads`, if these are given."""
+def layout(y: Array, chunks: int, margin: int, cell_starts: Array | None = None) -> Layout:
+    """The layout for particles at y [cells from the object's centre], (N, 3).
+
+    It is valid until a particle moves by `margin` cells. Each chunk begins with one of the particles `cell_starts`, if
+    these are given.
+    """
     cell = np.floor(y - 0.5).astype(np.int64)
     lowest = cell.min(axis=0) - margin - SPARE
     cell -= lowest
     shape = tuple(int(s) for s in cell.max(axis=0) + 3 + margin + SPARE)
     start = np.linspace(0, len(y), chunks + 1).astype(np.int32)
-    if heads is not None:
-        start = np.append(heads, len(y))[np.searchsorted(heads, start)].astype(np.int32)
+    if cell_starts is not None:
+        start = np.append(cell_starts, len(y))[np.searchsorted(cell_starts, start)].astype(np.int32)
     nodes = np.flatnonzero(_near(cell, shape, margin))
     sx = shape[1] * shape[2]
     plane = nodes // sx
@@ -112,27 +120,27 @@ def layout(y: Array, chunks: int, margin: int, heads: Array | None = None) -> La
     return Layout(lowest, shape, start, nodes.astype(np.int32), source, shift, total)  # type: ignore[arg-type]
 
 
-def apart(x: Array, label: Array, h: float) -> tuple[Array, Array, Array]:
-    """Positions x [m] with the fragments, label >= 0, moved along x by whole cells, until no nodes of two lie side by
-    side.
+def separate_fragments(x: Array, fragment: Array, h: float) -> tuple[Array, Array, Array]:
+    """Move fragments along x by whole cells until no two of them share a plane of nodes.
 
-    Also returns by how many cells each fragment has been moved, (fragments,) int, and the fragment of each plane of
-    nodes of their layout, (planes,) int. Particles without a fragment (label -1) stay with the first one.
+    x [m], (N, 3), are positions, `fragment`, (N,) int, the fragment of each particle; particles without one (-1) move
+    with fragment 0. Returns the new positions, the offset of each fragment [cells], (fragments,) int, and the fragment
+    of each plane of nodes in the new layout, (planes,) int.
     """
     cell = np.floor(x[:, 0] / h - 0.5).astype(np.int64)
-    owner, count = np.maximum(label, 0), int(label.max()) + 1
+    owner, count = np.maximum(fragment, 0), int(fragment.max()) + 1
     low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, np.iinfo(np.int64).min)
     np.minimum.at(low, owner, cell)
     np.maximum.at(high, owner, cell)
     planes = high - low + 3 + SPARE
     first = np.concatenate([[0], np.cumsum(planes)[:-1]]) + low[0]
-    moved = first - low
+    offset = first - low
     planes[0] += SPARE
-    return _shifted(x, cell + moved[owner], moved[owner], h), moved, np.repeat(np.arange(count), planes)
+    return _shifted(x, cell + offset[owner], offset[owner], h), offset, np.repeat(np.arange(count), planes)
 
 
 def _shifted(x: Array, cell: Array, by: Array, h: float) -> Array:
-    """Positions moved along x `by` cells, each into its `cell`: what lies on the face of one may be rounded across."""
+    """Positions moved along x `by` cells, each into its `cell`: rounding may carry a particle on a face across it."""
     out: Array = x.copy()
     out[:, 0] += (by * h).astype(x.dtype)
     for _ in range(8):

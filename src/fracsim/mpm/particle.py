@@ -1,267 +1,252 @@
-"""What one particle does in a substep: gather, move, suffer damage, scatter."""
+"""What one particle, or the particles of one cell, do in a substep: gather, move, gather damage, scatter.
 
-from functools import cache
-from typing import Any, NamedTuple
+`update_particle` does all of it for a particle whose pressure is its own. Where a cell has one pressure, `update_cell`
+does it for a cell, in three stages: each particle gathers, the cell averages, each particle scatters.
+"""
+
+from collections.abc import Callable
+from typing import Any
 
 import taichi as ti
 
+from fracsim.mpm.boundary import constrain, prescribed_velocity
 from fracsim.mpm.bspline import stencil
-from fracsim.mpm.damaging import damaging
-from fracsim.mpm.dilatation import average, keep, kept
-from fracsim.mpm.grips import hold, led
+from fracsim.mpm.context import Motion, Strain, Variant
+from fracsim.mpm.damaging import freed, freed_of_cell, grown
+from fracsim.mpm.dilatation import average_volume_ratio, store_motion, stored_motion
 from fracsim.mpm.params import (
     ALPHA,
+    CELL,
     CLAMPED,
     DAMAGED,
     DENSITY,
     DT,
-    ETA,
-    ETA_MAX,
     EXEMPT,
+    FIRST,
     FREE,
-    FRESH,
     GRID_FAULT,
-    LAM,
+    INV_CELL,
     LX,
     LY,
     LZ,
     MAX_SPEED,
-    MU,
     PROJECTED,
     RELEASED,
-    RH,
     ROOM,
     SPEED_FAULT,
     TURN,
     VISCOUS,
-    H,
-)  # fmt: skip
-from fracsim.mpm.stress import force
-from fracsim.mpm.tally import ask_to_halt, report_fault, tally
+)
+from fracsim.mpm.stress import degraded_stress
+from fracsim.mpm.tally import add, report_fault, request_stop
 from fracsim.mpm.transfer import gather, kinetic, kinetic_of_nodes, projection_loss, scatter
-from fracsim.registry import load
 from fracsim.tensor import J_MIN, cofactor, deformed, volume_ratio
 
 
-class Points(NamedTuple):
-    """The arrays of N particles."""
-
-    X: Any
-    """Rest positions relative to the object's centre [m], (N,) vec3."""
-    U: Any
-    """Displacements [m], (N,) vec3."""
-    V: Any
-    """Velocities [m/s], (N,) vec3; up to date between calls, not between substeps."""
-    C: Any
-    """Affine velocities [1/s], (N,) mat3; as V."""
-    H: Any
-    """Displacement gradients F - I, (N,) mat3: what a short substep adds to F would be lost beside 1 in float32."""
-    D: Any
-    """Damage, (N,)."""
-    volume: Any
-    """Volumes at rest [m^3], (N,)."""
-    tag: Any
-    """Grip and exemption from damage, (N,) int."""
-    anchor: Any
-    """Displacements when the grid was laid [m], (N,) vec3."""
-    force: Any
-    """Body forces a mass [m/s^2], (N,) vec3; of length 1 where there are none."""
-    many: Any
-    """How many particles the cell has whose first one this is, otherwise 0, (N,) int; of length 1 unless `cellwise`."""
-    theta: Any
-    """Mean volume ratios of the particles' cells, (N,); as `many`."""
-    wait: Any
-    """Velocities of a cell's particles while they wait for its mean, (threads, a power of 2 of places) vec4."""
+def whole(variant: Variant) -> Any:
+    """The function `(p, gathers, scatters, step, shift, context)` that does a substep of a particle, or of a cell."""
+    return update_cell if variant.cellwise else update_particle
 
 
-class Visit(NamedTuple):
-    """What is done to particles in a substep."""
-
-    whole: Any
-    """All of it: for a particle, or for a cell by way of its first particle."""
-    stages: tuple[Any, ...]
-    """The same in stages, each of which all particles must have reached before the next one begins."""
+def stages(variant: Variant) -> tuple[Callable[..., Any], ...]:
+    """The same in stages: all particles must have finished one before the next begins."""
+    return (gather_particle, average_cell, scatter_particle) if variant.cellwise else (update_particle,)
 
 
-@cache
-def particle_function(
-    law_name: str, damage_name: str, total: bool, cellwise: bool, viscous: bool, forced: bool, grips: str, real: Any
-) -> Visit:
-    """The functions for one law, one damage law, one formulation and one floating-point type.
+@ti.func
+def locate(p, c: ti.template()):
+    """Index in the box of the lowest of the 27 nodes around particle p, and its offset from that node [cells]."""
+    x = c.particles.X[p] if ti.static(c.variant.total) else c.particles.X[p] + c.particles.U[p]
+    base, f = stencil(x * c.params[INV_CELL] - ti.Vector([c.params[LX], c.params[LY], c.params[LZ]]))
+    return base[0] * c.grid.sx + base[1] * c.grid.sy + base[2], f
 
-    With `cellwise` the stress of a particle waits for the mean volume ratio of its cell (`fracsim.mpm.dilatation`).
+
+@ti.func
+def projected_part(step, c: ti.template()):
+    """Part of their momentum that particles give to the nodes: all of it while nodes have no velocity."""
+    return ti.max(c.params[ALPHA], c.params[FIRST]) if step == 0 else c.params[ALPHA]
+
+
+@ti.func
+def grip_of(p, c: ti.template()):
+    """The grip that holds particle p: -1, +1, or 0 for none."""
+    return c.particles.tag[p] % EXEMPT - FREE
+
+
+@ti.func
+def release_failed(p, at, f, c: ti.template()):
+    """A failed particle takes its share of the nodes' energy from the grid (`total`)."""
+    add(c.tally, RELEASED, c.params[DENSITY] * c.particles.volume[p] * kinetic_of_nodes(c.grid, at, f))
+
+
+@ti.func
+def advance(p, step, at, f, c: ti.template()):
+    """Gather and advance u and F, and damage where the pressure is the particle's own.
+
+    Returns v, the affine velocity C, F, cof F and J.
     """
-    law = load("fracsim.constitutive", law_name, "material.law")
-    damages = damaging(law_name, damage_name, real)
+    b = ti.static(c.particles)
+    v, moments = gather(c.grid, c.tally.row, at, f, c.variant.real)
+    C = (4 * c.params[INV_CELL]) * moments
+    mass = c.params[DENSITY] * b.volume[p]
+    add(c.tally, PROJECTED, -projection_loss(c.params[ALPHA]) * mass * kinetic(v, C, c.params[CELL]))
+    grip = grip_of(p, c)
+    velocity = v
+    if ti.static(c.variant.holds_nodes):
+        if grip != 0:
+            if ti.static(c.variant.total):  # its nodes are held already
+                velocity = prescribed_velocity(grip, v, c)
+            else:
+                v = constrain(grip, mass, v, c)
+                velocity = v
+    b.U[p] = b.U[p] + c.params[DT] * velocity
+    before = deformed(b.grad_u[p])
+    rate = C if ti.static(c.variant.total) else C @ before
+    if ti.static(not c.variant.total):
+        if b.D[p] >= 1:  # a failed particle keeps its stretch and only turns
+            rate = (C - C.transpose()) @ before / 2
+    b.grad_u[p] = b.grad_u[p] + c.params[DT] * rate
+    F = deformed(b.grad_u[p])
+    cof = cofactor(F)
+    J = volume_ratio(F, cof)
+    if ti.static(not c.variant.cellwise):
+        now = grown(p, F, J, c)
+        if now > b.D[p]:
+            add(c.tally, DAMAGED, freed(p, now, (before + F) / 2, c))
+            b.D[p] = now
+    if c.params[DT] * c.params[DT] * C.norm_sqr() > c.params[TURN]:
+        request_stop(c.tally, step)
+    if not v.dot(v) < c.params[MAX_SPEED] * c.params[MAX_SPEED]:
+        report_fault(c.tally, SPEED_FAULT, p, step)
+        b.V[p] = v  # for the message
+    return v, C, F, cof, J
 
-    @ti.func
-    def locate(p, K: ti.template(), b: ti.template()):
-        y = b.X[p] if ti.static(total) else b.X[p] + b.U[p]
-        return stencil(y * K[RH] - ti.Vector([K[LX], K[LY], K[LZ]]))
 
-    @ti.func
-    def part(step, K: ti.template()):
-        """Part of the momentum that particles give to the nodes."""
-        return ti.max(K[ALPHA], K[FRESH]) if step == 0 else K[ALPHA]
+@ti.func
+def scatter_stress(p, at, f, motion: ti.template(), strain: ti.template(), theta, part, c: ti.template()):
+    """Scatter `part` of the particle's momentum, its affine part included, and the impulse of its stress."""
+    b = ti.static(c.particles)
+    v, J = motion.v, strain.J
+    d, mass = b.D[p], c.params[DENSITY] * b.volume[p]
+    if J < J_MIN and d < 1:
+        add(c.tally, CLAMPED, mass / mass)
+    J, theta_clamped = ti.max(J, J_MIN), ti.max(theta, J_MIN)
+    clamped = ti.static(Strain(strain.F, strain.cof, J))
+    P, power = degraded_stress(clamped, theta_clamped, motion.C, d, c)
+    if ti.static(c.variant.viscous or c.variant.total):
+        add(c.tally, VISCOUS, b.volume[p] * c.params[DT] * power)
+    grip = grip_of(p, c)
+    if ti.static(c.variant.boundary == "soft"):
+        if grip != 0:
+            v = constrain(grip, part * mass, v, c)
+    affine = (part * mass * c.params[CELL]) * motion.C - (4 * c.params[DT] * c.params[INV_CELL] * b.volume[p]) * P
+    momentum = (part * mass) * v
+    if ti.static(c.variant.forced):
+        momentum += (mass * c.params[DT]) * b.force[p]
+    scatter(c.grid, at, f, momentum, affine, mass)
 
-    @ti.func
-    def leave(p, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """A failed particle takes its share of the nodes' energy from the grid (`total`)."""
-        tally(ledger, RELEASED, K[DENSITY] * b.volume[p] * kinetic_of_nodes(g, at, f))
 
-    @ti.func
-    def move(p, step, at, f, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """Gather, advance u, F and, unless a cell waits, d; returns v, the affine velocity C, F, cof F and J."""
-        v, moments = gather(g, ledger.row, at, f, real)
-        C = (4 * K[RH]) * moments
-        mass = K[DENSITY] * b.volume[p]
-        tally(ledger, PROJECTED, -projection_loss(K[ALPHA]) * mass * kinetic(v, C, K[H]))
-        grip = b.tag[p] % EXEMPT - FREE
-        moves = v
-        if ti.static(grips != "soft"):
-            if grip != 0:
-                if ti.static(total):  # its nodes are held already
-                    moves = led(grip, v, K, grips)
-                else:
-                    v = hold(ledger, grip, mass, v, K, grips)
-                    moves = v
-        b.U[p] = b.U[p] + K[DT] * moves
-        before = deformed(b.H[p])
-        rate = C if ti.static(total) else C @ before
-        if ti.static(not total):
-            if b.D[p] >= 1:  # what has failed keeps its stretch and only turns
-                rate = (C - C.transpose()) @ before / 2
-        b.H[p] = b.H[p] + K[DT] * rate
-        F = deformed(b.H[p])
+@ti.func
+def update_particle(p, gathers, scatters, step, shift, c: ti.template()):
+    """A substep of a particle whose pressure is its own."""
+    b = ti.static(c.particles)
+    if not ti.static(c.variant.total) or b.D[p] < 1:
+        at, f = locate(p, c)
+        v, C, F = b.V[p], b.C[p], deformed(b.grad_u[p])
         cof = cofactor(F)
         J = volume_ratio(F, cof)
-        if ti.static(not cellwise):
-            now = damages.grown(p, F, J, K, b)
-            if now > b.D[p]:
-                tally(ledger, DAMAGED, damages.freed(p, now, (before + F) / 2, K, b))
-                b.D[p] = now
-        if K[DT] * K[DT] * C.norm_sqr() > K[TURN]:
-            ask_to_halt(ledger, step)
-        if not v.dot(v) < K[MAX_SPEED] * K[MAX_SPEED]:
-            report_fault(ledger, SPEED_FAULT, p, step)
-            b.V[p] = v  # for the message
-        return v, C, F, cof, J
-
-    @ti.func
-    def push(p, at, f, v, C, F, cof, J, theta, share, K: ti.template(), b: ti.template(), g: ti.template(),
-             ledger: ti.template()):  # fmt: skip
-        """Scatter a part of the momentum, also of its affine part, and the impulse of the stress."""
-        d, mass = b.D[p], K[DENSITY] * b.volume[p]
-        if J < J_MIN and d < 1:
-            tally(ledger, CLAMPED, mass / mass)
-        J, theta = ti.max(J, J_MIN), ti.max(theta, J_MIN)
-        inertia = K[DENSITY] * K[H] * K[H]
-        P, power = force(law, total, viscous, F, cof, J, theta, C, d, K[MU], K[LAM], K[ETA], K[ETA_MAX], inertia, K[DT])
-        if ti.static(viscous or total):
-            tally(ledger, VISCOUS, b.volume[p] * K[DT] * power)
-        grip = b.tag[p] % EXEMPT - FREE
-        if ti.static(grips == "soft"):
-            if grip != 0:
-                v = hold(ledger, grip, share * mass, v, K, grips)
-        affine = (share * mass * K[H]) * C - (4 * K[DT] * K[RH] * b.volume[p]) * P
-        momentum = (share * mass) * v
-        if ti.static(forced):
-            momentum += (mass * K[DT]) * b.force[p]
-        scatter(g, at, f, momentum, affine, mass)
-
-    @ti.func
-    def particle(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
-                 ledger: ti.template()):  # fmt: skip
-        if not ti.static(total) or b.D[p] < 1:
-            base, f = locate(p, K, b)
-            at = base[0] * g.sx + base[1] * g.sy + base[2]
-            v, C, F = b.V[p], b.C[p], deformed(b.H[p])
-            cof = cofactor(F)
-            J = volume_ratio(F, cof)
-            if gathers:
-                v, C, F, cof, J = move(p, step, at, f, K, b, g, ledger)
-            stays = scatters
-            if ti.static(total):  # a failed particle leaves the grid; its energy goes to a heading of its own
-                if b.D[p] >= 1:
-                    stays = False
-                    leave(p, at, f, K, b, g, ledger)
-                if stays:
-                    push(p, at + shift, f, v, C, F, cof, J, J, part(step, K), K, b, g, ledger)
-            else:  # weights from the new position, whose nodes must be in use
-                if not ti.abs(b.U[p] - b.anchor[p]).max() < K[ROOM]:
-                    stays = False
-                    report_fault(ledger, GRID_FAULT, p, step)
-                if stays:
-                    now, there = locate(p, K, b)
-                    at = now[0] * g.sx + now[1] * g.sy + now[2]
-                    push(p, at + shift, there, v, C, F, cof, J, J, part(step, K), K, b, g, ledger)
-            if not stays:
-                b.V[p], b.C[p] = v, C
-
-    @ti.func
-    def take(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
-             ledger: ti.template()):  # fmt: skip
-        """Gather and move a particle of a cell, and leave its own J."""
-        if b.D[p] < 1:
-            J = b.D[p]
-            if gathers:
-                base, f = locate(p, K, b)
-                v, C, _F, _K, now = move(p, step, base[0] * g.sx + base[1] * g.sy + base[2], f, K, b, g, ledger)
-                J = now
-                keep(p, v, C, b, g, ledger)
-                if not scatters:
-                    b.V[p], b.C[p] = v, C
-            else:
-                F = deformed(b.H[p])
-                J = volume_ratio(F, cofactor(F))
-            b.theta[p] = J
-
-    @ti.func
-    def suffer(p, K: ti.template(), b: ti.template(), g: ti.template(), ledger: ti.template()):
-        """Let damage of a cell's particles grow; what fails leaves."""
-        harmed = False
-        for q in range(p, p + b.many[p]):
-            if damages.grown(q, deformed(b.H[q]), b.theta[q], K, b) > b.D[q]:
-                harmed = True
-        if harmed:
-            tally(ledger, DAMAGED, damages.freed_of_cell(p, K, b, g, ledger))
-            for q in range(p, p + b.many[p]):
-                now = damages.grown(q, deformed(b.H[q]), b.theta[q], K, b)
-                if now >= 1 and b.D[q] < 1:
-                    base, f = locate(q, K, b)
-                    leave(q, base[0] * g.sx + base[1] * g.sy + base[2], f, K, b, g, ledger)
-                    b.V[q], b.C[q] = kept(q, b, g, ledger)
-                b.D[q] = now
-
-    @ti.func
-    def weigh(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
-              ledger: ti.template()):  # fmt: skip
-        """Turn the own J of a cell's particles, after it did its harm, into their mean."""
         if gathers:
-            suffer(p, K, b, g, ledger)
-        average(p, b.many, b.D, b.volume, b.theta)
+            v, C, F, cof, J = advance(p, step, at, f, c)
+        stays = scatters
+        motion = ti.static(Motion(v, C))
+        strain = ti.static(Strain(F, cof, J))
+        if ti.static(c.variant.total):
+            if b.D[p] >= 1:
+                stays = False
+                release_failed(p, at, f, c)
+            if stays:
+                scatter_stress(p, at + shift, f, motion, strain, J, projected_part(step, c), c)
+        else:  # weights from the new position, whose nodes must be in use
+            if not ti.abs(b.U[p] - b.anchor[p]).max() < c.params[ROOM]:
+                stays = False
+                report_fault(c.tally, GRID_FAULT, p, step)
+            if stays:
+                now, there = locate(p, c)
+                scatter_stress(p, now + shift, there, motion, strain, J, projected_part(step, c), c)
+        if not stays:
+            b.V[p], b.C[p] = v, C
 
-    @ti.func
-    def give(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
-             ledger: ti.template()):  # fmt: skip
-        """Scatter a particle of a cell under the pressure of the cell."""
-        if scatters and b.D[p] < 1:
-            v, C = b.V[p], b.C[p]
-            if gathers:
-                v, C = kept(p, b, g, ledger)
-            base, f = locate(p, K, b)
-            F = deformed(b.H[p])
-            cof = cofactor(F)
-            at = base[0] * g.sx + base[1] * g.sy + base[2] + shift
-            push(p, at, f, v, C, F, cof, volume_ratio(F, cof), b.theta[p], part(step, K), K, b, g, ledger)
 
-    @ti.func
-    def cell(p, step, gathers, scatters, shift, K: ti.template(), b: ti.template(), g: ti.template(),
-             ledger: ti.template()):  # fmt: skip
-        for q in range(p, p + b.many[p]):
-            take(q, step, gathers, scatters, shift, K, b, g, ledger)
-        weigh(p, step, gathers, scatters, shift, K, b, g, ledger)
-        for q in range(p, p + b.many[p]):
-            give(q, step, gathers, scatters, shift, K, b, g, ledger)
+@ti.func
+def gather_particle(p, gathers, scatters, step, shift, c: ti.template()):
+    """First stage of a cell: gather and advance a particle, and store its own J in theta."""
+    b = ti.static(c.particles)
+    if b.D[p] < 1:
+        J = b.D[p]
+        if gathers:
+            at, f = locate(p, c)
+            v, C, _F, _cof, now = advance(p, step, at, f, c)
+            J = now
+            store_motion(p, v, C, c)
+            if not scatters:
+                b.V[p], b.C[p] = v, C
+        else:
+            F = deformed(b.grad_u[p])
+            J = volume_ratio(F, cofactor(F))
+        b.theta[p] = J
 
-    return Visit(cell, (take, weigh, give)) if cellwise else Visit(particle, (particle,))
+
+@ti.func
+def grow_damage(p, c: ti.template()):
+    """Damage of the particles of a cell, the first of which is p, at their own J; failed ones leave the grid."""
+    b = ti.static(c.particles)
+    grows = False
+    for q in range(p, p + b.cell_counts[p]):
+        if grown(q, deformed(b.grad_u[q]), b.theta[q], c) > b.D[q]:
+            grows = True
+    if grows:
+        add(c.tally, DAMAGED, freed_of_cell(p, c))
+        for q in range(p, p + b.cell_counts[p]):
+            now = grown(q, deformed(b.grad_u[q]), b.theta[q], c)
+            if now >= 1 and b.D[q] < 1:
+                at, f = locate(q, c)
+                release_failed(q, at, f, c)
+                b.V[q], b.C[q] = stored_motion(q, c)
+            b.D[q] = now
+
+
+@ti.func
+def average_cell(p, gathers, scatters, step, shift, c: ti.template()):
+    """Second stage: damage of a cell's particles by their own J, then the mean of J over the cell."""
+    b = ti.static(c.particles)
+    if gathers:
+        grow_damage(p, c)
+    average_volume_ratio(p, b.cell_counts, b.D, b.volume, b.theta)
+
+
+@ti.func
+def scatter_particle(p, gathers, scatters, step, shift, c: ti.template()):
+    """Third stage: scatter a particle under the pressure of its cell."""
+    b = ti.static(c.particles)
+    if scatters and b.D[p] < 1:
+        v, C = b.V[p], b.C[p]
+        if gathers:
+            v, C = stored_motion(p, c)
+        at, f = locate(p, c)
+        F = deformed(b.grad_u[p])
+        cof = cofactor(F)
+        J = volume_ratio(F, cof)
+        motion = ti.static(Motion(v, C))
+        strain = ti.static(Strain(F, cof, J))
+        scatter_stress(p, at + shift, f, motion, strain, b.theta[p], projected_part(step, c), c)
+
+
+@ti.func
+def update_cell(p, gathers, scatters, step, shift, c: ti.template()):
+    """A substep of the particles of a cell, the first of which is p."""
+    b = ti.static(c.particles)
+    for q in range(p, p + b.cell_counts[p]):
+        gather_particle(q, gathers, scatters, step, shift, c)
+    average_cell(p, gathers, scatters, step, shift, c)
+    for q in range(p, p + b.cell_counts[p]):
+        scatter_particle(q, gathers, scatters, step, shift, c)

@@ -1,4 +1,4 @@
-"""The arrays of one simulation on the device, and the order of kernel launches."""
+"""One simulation on the device: particles, grid, boundary, and the launches that move them."""
 
 import math
 from copy import deepcopy
@@ -8,24 +8,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
-from fracsim import backend
+from fracsim import backend, registry
 from fracsim.mpm import params as slot
-from fracsim.mpm.dilatation import KEPT, PAGE
-from fracsim.mpm.grips import NOBODY, half_reach, holding, tags
+from fracsim.mpm.boundary import Boundary, Holding
+from fracsim.mpm.context import Variant
+from fracsim.mpm.drive import Drive
+from fracsim.mpm.grid import NodeGrid
 from fracsim.mpm.kernels import substeps
-from fracsim.mpm.layout import Layout, apart, crowds, layout
+from fracsim.mpm.layout import layout, separate_fragments
+from fracsim.mpm.medium import Medium
+from fracsim.mpm.points import Points
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
-from fracsim.mpm.transfer import PAD
 from fracsim.records import Array, Particles
-from fracsim.scene.vocab import CENTRE, Scene
+from fracsim.scene.vocab import CENTRE
 
 MARGIN = 2
 """In `updated` the nodes in use are those of particles that have moved by at most this many cells."""
-CHUNK = 4000
-"""A second thread pays from this many particles on, a third from twice as many: starting a parallel loop costs time."""
-MAX_NODES = 2**25
-"""No grid larger than this is made: 1 GiB in float32, or 2 when it has grown, since Taichi keeps the smaller ones."""
 
 
 def reals(precision: str) -> tuple[Any, Any]:
@@ -38,189 +37,126 @@ class Peaks:
     """Maxima over the particles at one instant."""
 
     stiffness: float
+    """Bound of the stiffness [Pa]."""
     fastest: float
+    """Speed [m/s]."""
     rate: float
-    moved: float
+    """|C| [1/s]."""
+    distance: float
+    """From where a particle was when the grid was laid out, along an axis [m]."""
 
 
-class Sight(NamedTuple):
-    """What the particles show at one instant, of (1 - d) P and (1 - d) psi."""
+class Observables(NamedTuple):
+    """What the particles show at one instant, degraded by damage."""
 
     tau: Array
-    """Degraded Kirchhoff stresses [Pa], (N, 3, 3)."""
+    """Kirchhoff stresses (1 - d) tau [Pa], (N, 3, 3)."""
     energy: Array
-    """Strain energy densities [Pa], (N,)."""
+    """Strain energy densities (1 - d) psi [Pa], (N,)."""
     stretch: Array
     """Largest stretches, (N,)."""
     power: Array
     """Power densities of the stress [W/m^3], (N,)."""
 
 
-class Deformation:
-    """Deformation gradients F, (N, 3, 3), of which the device keeps F - I."""
-
-    def __init__(self, H: Any) -> None:
-        self._H = H
-
-    def to_numpy(self) -> Array:
-        """F, in the precision of the simulation."""
-        H: Array = self._H.to_numpy()
-        F: Array = H + np.eye(3, dtype=H.dtype)
-        return F
-
-    def from_numpy(self, F: Array) -> None:
-        """Set F."""
-        self._H.from_numpy(F - np.eye(3, dtype=F.dtype))
-
-
 class State:
-    """Particles (sorted by `Particles` order given) and grid of one simulation on the device."""
+    """Particles, in the order given (see `fracsim.mpm.layout.order`), and grid of one simulation.
 
-    def __init__(self, scene: Scene, particles: Particles, forces: bool = False) -> None:
-        """`forces`: whether body forces act, which `self.force` holds [m/s^2]."""
-        self.forces, self.stiffness = forces, rest_stiffness(scene)
-        self.scene, self.n = scene, len(particles)
-        self.fragment, self.moved = np.zeros(self.n, np.int64), np.zeros(1, np.int64)
-        self.total = scene.solver.formulation == "total"
-        self.real, self.dtype = reals(scene.solver.precision)
-        self.tag = tags(scene, particles.X)
-        self.chunks = min(backend.threads(scene.backend), 1 + self.n // CHUNK) if backend.on_cpu() else 1
-        self.drive = "gpu" if not backend.on_cpu() else "serial" if self.chunks == 1 else "threads"
-        self.wide = ti.f64 if backend.has_doubles(scene.backend) else ti.f32
-        self.X0 = (particles.X - np.asarray(CENTRE)).astype(self.dtype)
-        self.cellwise = scene.solver.cellwise
-        self.kept: list[Any] = []
-        self.velocity: Any = None
-        self.copies: Any = None
-        self._allocate(particles)
-        self._fill_parameters()
+    `forced`: whether body forces act, which `points.force` holds [m/s^2].
+    """
+
+    def __init__(
+        self, medium: Medium, particles: Particles, boundary: Boundary, drive: Drive, forced: bool = False
+    ) -> None:
+        self.medium, self.boundary, self.drive, self.forced = medium, boundary, drive, forced
+        self.n, self.total, self.cellwise = len(particles), medium.total, medium.solver.cellwise
+        self.real, self.dtype = reals(medium.solver.precision)
+        self._law = registry.load("fracsim.constitutive", medium.material.law, "material.law")
+        self._damage = registry.load("fracsim.damage", medium.fracture.law, "fracture.law")
+        x = particles.X.astype(np.float64) - CENTRE
+        self.side = boundary.side(x)
+        self.exempt = boundary.exempt(x)
+        self.X0 = x.astype(self.dtype)
+        tag = (self.side + slot.FREE + slot.EXEMPT * self.exempt).astype(np.int32)
+        self.points = Points(self.X0, particles.volume, tag, self.real, forced)
+        y = self.X0 / medium.h if self.cellwise else None
+        self._cell_starts = self.points.group_by_cell(y, drive.threads)
+        V = self.side[:, None] * boundary.speed * np.asarray(boundary.axis)
+        self.points.V.from_numpy(V.astype(self.dtype))
+        self.grid = NodeGrid(self.real, self.dtype, drive.threads)
+        self._allocate()
+        self._saved: list[Any] = []
+        self._fragment, self._offset = np.zeros(self.n, np.int64), np.zeros(1, np.int64)
+        self.stiffness = rest_stiffness(medium)
+        self.params = self._constants()
         self.relayout(self.X0)
 
-    def _allocate(self, particles: Particles) -> None:
-        """Make the particle arrays; grips move from the first instant on."""
-        n, real = self.n, self.real
-        self.X, self.U, self.V = (ti.Vector.ndarray(3, real, n) for _ in range(3))
-        self.C, self.H = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
-        self.D, self.volume, self.share = (ti.ndarray(real, n) for _ in range(3))
-        self.label = ti.ndarray(ti.i32, n)
-        self.anchor = ti.Vector.ndarray(3, real, n)
-        self.force = ti.Vector.ndarray(3, real, n if self.forces else 1)
-        self.tau = ti.Matrix.ndarray(3, 3, real, n)
-        self.scalars = ti.ndarray(real, (n, 3))
-        self._sort_cells()
-        self.X.from_numpy(self.X0)
-        self.volume.from_numpy(particles.volume.astype(self.dtype))
-        self.label.from_numpy(self.tag)
-        self.F = Deformation(self.H)
-        load = self.scene.loading
-        side = self.tag % slot.EXEMPT - slot.FREE
-        self.V.from_numpy((side[:, None] * load.speed * np.asarray(load.axis)).astype(self.dtype))
-        self.pad = ti.Vector.ndarray(4, real, self.chunks * PAD)
-        self.pad.from_numpy(np.zeros((self.chunks * PAD, 4), self.dtype))
-        self.books = ti.ndarray(self.wide, (self.chunks, slot.BOOKS))
-        self.peaks = ti.ndarray(real, (self.chunks, slot.PEAKS))
-        self.faults = ti.ndarray(ti.i32, (self.chunks, 3))
-        self.halt = ti.ndarray(ti.i32, self.chunks)
+    def _allocate(self) -> None:
+        """Arrays for what kernels find out."""
+        threads = self.drive.threads
+        self._wide = ti.f64 if backend.computes_doubles() else ti.f32
+        self._params = ti.ndarray(self.real, slot.PARAMETERS)
+        self._sums = ti.ndarray(self._wide, (threads, slot.SUMS))
+        self._peaks = ti.ndarray(self.real, (threads, slot.PEAKS))
+        self._faults = ti.ndarray(ti.i32, (threads, 3))
+        self._last = ti.ndarray(ti.i32, threads)
+        self._tau = ti.Matrix.ndarray(3, 3, self.real, self.n)
+        self._scalars = ti.ndarray(self.real, (self.n, 3))
 
-    def _sort_cells(self) -> None:
-        """Who shares a cell at rest with whom, which fragments don't change."""
-        many = crowds(self.X0 / self.scene.solver.h) if self.cellwise else np.zeros(1, np.int32)
-        self.heads = np.flatnonzero(many) if self.cellwise else None
-        self.many, self.theta = ti.ndarray(ti.i32, len(many)), ti.ndarray(self.real, len(many))
-        self.many.from_numpy(many)
-        self.theta.from_numpy(np.ones(len(many), self.dtype))
-        self.wait = ti.Vector.ndarray(
-            4, self.real, (self.chunks, max(PAGE, KEPT << max(int(many.max()) - 1, 0).bit_length()))
-        )
-        self.wait.from_numpy(np.zeros((*self.wait.shape, 4), self.dtype))
+    def _constants(self) -> Array:
+        """The kernels' parameters (PARAMETERS,); those that depend on the substep follow in `run`."""
+        m, params = self.medium, np.zeros(slot.PARAMETERS)
+        params[slot.CELL], params[slot.INV_CELL] = m.h, 1 / m.h
+        params[slot.MU], params[slot.LAM], params[slot.DENSITY] = m.material.mu, m.material.lam, m.material.density
+        params[slot.ONSET], params[slot.CRIT] = m.fracture.onset, m.fracture.crit
+        params[slot.GX : slot.GZ + 1] = m.gravity
+        params[slot.MAX_SPEED] = m.solver.max_speed
+        params[slot.ROOM] = MARGIN * m.h
+        params[slot.WALL] = 1.0 - 3 * m.h if m.solver.walls else 0.0
+        self.boundary.fill(params)
+        return params
 
-    def _fill_parameters(self) -> None:
-        """Constants of the scene; DT, TIME, ETA and KEEP follow at each call."""
-        s, K = self.scene, np.zeros(slot.PARAMETERS)
-        K[slot.H], K[slot.RH] = s.solver.h, 1 / s.solver.h
-        K[slot.MU], K[slot.LAM], K[slot.DENSITY] = s.material.mu, s.material.lam, s.material.density
-        K[slot.ONSET], K[slot.CRIT] = s.fracture.onset, s.fracture.crit
-        K[slot.SPEED], K[slot.UX : slot.UZ + 1] = s.loading.speed, s.loading.axis
-        K[slot.REACH], K[slot.HALF] = s.loading.offset, half_reach(s)
-        K[slot.GX : slot.GZ + 1] = s.loading.gravity
-        K[slot.MAX_SPEED] = s.solver.max_speed
-        K[slot.ROOM] = MARGIN * s.solver.h
-        K[slot.WALL] = 1.0 - 3 * s.solver.h if s.solver.walls else 0.0
-        self.K = K
-        self.parameters = ti.ndarray(self.real, slot.PARAMETERS)
+    def relayout(self, x: Array, plane_offset: Array | None = None) -> None:
+        """Lay out the grid around particles at x [m from the object's centre], (N, 3).
 
-    def relayout(self, x: Array, aside: Array | None = None) -> None:
-        """Lay the grid around particles at x [m from the object's centre]; `aside` are the cells that the planes of
-        nodes were moved by `split`."""
-        self.layout = layout(x / self.scene.solver.h, self.chunks, 0 if self.total else MARGIN, self.heads)
-        if max(self.layout.size, self.layout.copies) > MAX_NODES:
-            raise ValueError(
-                f"the grid would need {self.layout.size:,} nodes: choose fewer solver.cells={self.scene.solver.cells}."
-            )
-        self.K[slot.LX : slot.LZ + 1] = self.layout.lowest
-        self._place_grid(self.layout, self.layout.positions(aside) * self.scene.solver.h)
-        self.anchor.copy_from(self.U)
-        self.fresh = True
-
-    def split(self, label: Array) -> None:
-        """Give each fragment nodes of its own (`total`): its particles, label >= 0, are moved aside in the rest
-        configuration by whole cells, which changes no weight. Fragments then share no node and do not tie each other.
+        `plane_offset`, (planes,), are the cells by which `split` has moved the planes of nodes. Raises ValueError for
+        a grid that is too large.
         """
-        x, moved, fragment = apart(self.X0, label, self.scene.solver.h)
-        of, first = np.unique(label, return_index=True)
-        parent = self.fragment[first[of >= 0]]
-        before, fresh = (self.layout, self.velocity.to_numpy(), self.moved[parent]), self.fresh
-        self.X.from_numpy(x)
-        self.relayout(x, moved[fragment])
-        self._inherit(*before, moved, fragment)
-        self.fresh, self.fragment, self.moved = fresh, label, moved
+        margin = 0 if self.total else MARGIN
+        fresh = layout(x / self.medium.h, self.drive.threads, margin, self._cell_starts)
+        self.params[slot.LX : slot.LZ + 1] = fresh.lowest
+        if self.total:
+            holding = self.boundary.holding(fresh, fresh.positions(plane_offset) * self.medium.h)
+        else:  # asks in each substep, for the present positions
+            holding = Holding.by(np.zeros(1))
+        self.grid.place(fresh, holding)
+        self.points.anchor.copy_from(self.points.U)
+        self.first_substep = True
 
-    def _inherit(self, old: Layout, velocity: Array, was: Array, moved: Array, fragment: Array) -> None:
-        """Give nodes the velocity that the node at their place had in the layout before the last one, in which each
-        fragment lay `was` cells aside instead of `moved`."""
-        index = np.stack(np.unravel_index(self.layout.nodes, self.layout.shape), axis=1)
-        of = fragment[index[:, 0]]
-        index += self.layout.lowest - old.lowest
-        index[:, 0] += was[of] - moved[of]
-        known = ((index >= 0) & (index < old.shape)).all(axis=1)  # others are near failed particles only
-        out = np.zeros((self.velocity.shape[0], 4), self.dtype)
-        out[self.layout.nodes[known]] = velocity[np.ravel_multi_index(tuple(index[known].T), old.shape)]
-        self.velocity.from_numpy(out)
+    def split(self, fragment: Array) -> None:
+        """Give each fragment its own nodes (`total`), so that fragments do not tie each other.
 
-    def _place_grid(self, grid: Layout, x: Array) -> None:
-        """Device arrays of a layout whose nodes are at x at rest, the momenta zero."""
-
-        def device(values: Array) -> Any:
-            array = ti.ndarray(ti.i32, values.shape)
-            array.from_numpy(np.ascontiguousarray(values, np.int32))
-            return array
-
-        self.velocity = self._at_least(self.velocity, grid.size)
-        self.copies = self._at_least(self.copies, grid.copies)
-        self.nodes, self.source = device(grid.nodes), device(grid.source)
-        hold = holding(self.scene, grid, x) if self.total else NOBODY  # `updated` asks at each substep
-        self.owner, self.tied = device(hold.owner), device(hold.tied)
-        self.tie_share = ti.ndarray(self.real, hold.share.shape)
-        self.tie_share.from_numpy(hold.share.astype(self.dtype))
-        self.shift, self.start = device(grid.shift), device(grid.start)
-
-    def _at_least(self, array: Any, size: int) -> Any:
-        """A device array of at least `size` nodes: this one, or a new one twice as large.
-
-        Taichi keeps the memory of arrays that are gone. What a substep leaves in an array is zero (`copies`) or written
-        before it is read.
+        `fragment`, (N,) int, is -1 for failed particles. Particles move in the rest configuration by whole cells, which
+        changes no weight; nodes keep their velocities.
         """
-        if array is not None and array.shape[0] >= size:
-            return array
-        return ti.Vector.ndarray(4, self.real, max(size, 1 if array is None else min(2 * array.shape[0], MAX_NODES)))
+        x, offset, of_plane = separate_fragments(self.X0, fragment, self.medium.h)
+        present, first = np.unique(fragment, return_index=True)
+        parent = self._fragment[first[present >= 0]]
+        before = self.grid.layout, self.grid.velocity.to_numpy(), self._offset[parent]
+        first_substep = self.first_substep
+        self.points.X.from_numpy(x)
+        self.relayout(x, offset[of_plane])
+        self.grid.inherit(*before, offset, of_plane)
+        self.first_substep, self._fragment, self._offset = first_substep, fragment, offset
 
     def survey(self) -> Peaks:
         """Maxima that limit the next substeps."""
-        self.parameters.from_numpy(self.K.astype(self.dtype))
-        look = survey(self.scene.material.law, self.total, self.cellwise, self.real)
-        look(self.parameters, self.U, self.V, self.C, self.H, self.D, self.volume, self.many, self.theta, self.anchor,
-             self.start, self.peaks)  # fmt: skip
-        peaks = Peaks(*(float(p) for p in self.peaks.to_numpy().max(axis=0)))
+        self._params.from_numpy(self.params.astype(self.dtype))
+        b = self.points
+        find = survey(self._law, self.total, self.cellwise, self.real)
+        find(self._params, b.U, b.V, b.C, b.grad_u, b.D, b.volume, b.cell_counts, b.theta, b.anchor, self.grid.start,
+             self._peaks)  # fmt: skip
+        peaks = Peaks(*(float(p) for p in self._peaks.to_numpy().max(axis=0)))
         self.stiffness = peaks.stiffness
         return peaks
 
@@ -228,68 +164,71 @@ class State:
         """Advance by n substeps of length dt [s], from time t [s]; returns how many were made.
 
         Those are fewer when a particle turned or stretched by more than `turn` in one of them: the one after it is the
-        last. No substep waits for the host to look.
+        last. No substep waits for the host.
         """
-        damp = damping(self.scene, dt)
-        self.K[slot.DT], self.K[slot.TIME] = dt, t
-        self.K[slot.ETA], self.K[slot.KEEP] = damp.viscosity / 2, damp.keep
-        self.K[slot.ETA_MAX] = bearable(self.scene, dt, self.stiffness) / 2
-        self.K[slot.ALPHA], self.K[slot.FRESH] = projection(self.scene, dt), float(self.fresh)
-        self.K[slot.TURN] = min(turn * turn, 1e30)
-        self.halt.from_numpy(np.full(self.chunks, n, np.int32))
-        self.fresh = False
-        self.parameters.from_numpy(self.K.astype(self.dtype))
-        s = self.scene
-        kernel = substeps(s.material.law, s.fracture.law, self.total, self.cellwise, damp.viscosity > 0, self.forces,
-                          s.loading.grips, self.drive, self.real, self.wide)  # fmt: skip
-        arrays = (
-            self.parameters, self.X, self.U, self.V, self.C, self.H, self.D, self.volume, self.label, self.anchor,
-            self.force, self.many, self.theta, self.wait, *self.layout.strides, 0.0, self.velocity, self.copies,
-            self.pad, self.nodes, self.owner, self.tied, self.tie_share, self.source, self.shift, self.start,
-            self.books, self.faults, self.halt,
-        )  # fmt: skip
-        if self.drive == "serial":
-            kernel(n, *arrays)
-        else:
-            for step in range(n + 1):
-                kernel(step, int(step > 0), int(step < n), *arrays)
-        return min(n, int(self.halt.to_numpy().min()) + 1) if turn < math.inf else n
+        self._set_substep(dt, t, turn)
+        self._last.from_numpy(np.full(self.drive.threads, n, np.int32))
+        self._params.from_numpy(self.params.astype(self.dtype))
+        viscous = bool(self.params[slot.ETA] > 0)
+        variant = Variant(self._law, self._damage, self.total, self.cellwise, viscous, self.forced, self.boundary.mode,
+                          self.real)  # fmt: skip
+        kernel = substeps(variant, self.drive.kind, self._wide)
+        arrays = (self._params, *self.points.arrays(), *self.grid.arrays(), self._sums, self._faults, self._last)
+        for step in range(1 if self.drive.kind == "serial" else n + 1):
+            kernel(step, n, *arrays)
+        self.first_substep = False
+        return min(n, int(self._last.to_numpy().min()) + 1) if turn < math.inf else n
+
+    def _set_substep(self, dt: float, t: float, turn: float) -> None:
+        """Set the parameters that depend on the substep."""
+        damp, params = damping(self.medium, dt), self.params
+        params[slot.DT], params[slot.TIME] = dt, t
+        params[slot.ETA], params[slot.KEEP] = damp.viscosity / 2, damp.keep
+        params[slot.ETA_MAX] = bearable(self.medium, dt, self.stiffness) / 2
+        soft = self.boundary.mode == "soft"  # acts on the velocities of particles, so these must be the nodes'
+        params[slot.ALPHA] = 1.0 if soft else projection(self.medium, dt)
+        params[slot.FIRST] = float(self.first_substep)
+        params[slot.TURN] = min(turn * turn, 1e30)
 
     def save(self) -> None:
         """Keep what a run changes, for `restore`."""
-        if not self.kept:
-            self.kept = [deepcopy(array) for array in self._changing()]
-        for kept, array in zip(self.kept, self._changing(), strict=True):
-            kept.copy_from(array)
+        if not self._saved:
+            self._saved = [deepcopy(array) for array in self._changing()]
+        for saved, array in zip(self._saved, self._changing(), strict=True):
+            saved.copy_from(array)
 
     def restore(self) -> None:
         """Undo what was run since `save`, a fault included (`updated`)."""
-        for kept, array in zip(self.kept, self._changing(), strict=True):
-            array.copy_from(kept)
-        for array in (self.faults, self.pad, self.copies):
-            array.from_numpy(np.zeros_like(array.to_numpy()))  # fill() would compile a kernel for each array
-        self.relayout(self.X0 + self.U.to_numpy())
+        for saved, array in zip(self._saved, self._changing(), strict=True):
+            array.copy_from(saved)
+        self.clear_fault()
+        self.relayout(self.X0 + self.points.U.to_numpy())
 
     def _changing(self) -> tuple[Any, ...]:
-        return self.U, self.V, self.C, self.H, self.D, self.books
+        return *self.points.changing(), self._sums
+
+    def clear_fault(self) -> None:
+        """Forget a fault, and what it left on the grid."""
+        self._faults.from_numpy(np.zeros(self._faults.shape, np.int32))
+        self.grid.clear()
 
     def fault(self) -> tuple[int, int, int]:
-        """Kind, particle and substep of the earliest fault; kind 0 when there is none."""
-        rows = self.faults.to_numpy()
+        """Kind, particle and substep of the earliest fault; kind NO_FAULT when there is none."""
+        rows = self._faults.to_numpy()
         rows = rows[rows[:, 0] != slot.NO_FAULT]
         if not len(rows):
             return slot.NO_FAULT, -1, -1
         kind, particle, step = rows[np.argmin(rows[:, 2])]
         return int(kind), int(particle), int(step)
 
-    def observe(self) -> Sight:
+    def observe(self) -> Observables:
         """What a frame needs of the particles, at their present F."""
-        m = self.scene.material
-        look = observe(m.law, self.total, self.cellwise, self.real)
-        look(m.mu, m.lam, self.C, self.H, self.D, self.tau, self.scalars, self.volume, self.many, self.theta)
-        return Sight(self.tau.to_numpy(), *self.scalars.to_numpy().T)
+        m, b = self.medium.material, self.points
+        evaluate = observe(self._law, self.total, self.cellwise, self.real)
+        evaluate(m.mu, m.lam, b.C, b.grad_u, b.D, b.volume, b.cell_counts, b.theta, self._tau, self._scalars)
+        return Observables(self._tau.to_numpy(), *self._scalars.to_numpy().T)
 
-    def booked(self) -> Array:
-        """The running sums, (BOOKS,) float64."""
-        sums: Array = np.asarray(self.books.to_numpy(), np.float64).sum(axis=0)
+    def sums(self) -> Array:
+        """The sums over time in SI units, (SUMS,) float64."""
+        sums: Array = np.asarray(self._sums.to_numpy(), np.float64).sum(axis=0)
         return sums

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from fracsim.scene.vocab import DT0, H0, Scene
+from fracsim.mpm.medium import Medium
+from fracsim.scene.vocab import DT0, H0
 
 ROTATION = 0.2
 """A particle may turn or stretch by at most this much in a substep: dt |C| <= ROTATION."""
@@ -23,18 +24,18 @@ class Damping:
     """Part of its velocity that a node keeps in a substep."""
 
 
-def damping(scene: Scene, dt: float) -> Damping:
+def damping(medium: Medium, dt: float) -> Damping:
     """Damping in a substep of length dt [s]: invariant (`physical`), the paper's factors (`per_substep`), or none."""
-    material, mode = scene.material, scene.solver.damping
+    material, mode = medium.material, medium.solver.damping
     if mode == "none":
         return Damping(0.0, 1.0)
     if mode == "physical":
         return Damping(material.viscosity, math.exp(-material.decay * dt))
     r = material.viscosity * 4 * DT0 / (material.density * H0**2)
-    return Damping(r * material.density * scene.solver.h**2 / (4 * dt), math.exp(-material.decay * DT0))
+    return Damping(r * material.density * medium.solver.h**2 / (4 * dt), math.exp(-material.decay * DT0))
 
 
-def stable(scene: Scene, stiffness: float) -> float:
+def stable(medium: Medium, stiffness: float) -> float:
     """Largest stable substep of an isolated particle [s].
 
     With C' = (1 - r) C - dt 4 / (density h^2) P(F), F' = F + dt C' and stiffness M = |dP/dF| it is the root of
@@ -42,72 +43,72 @@ def stable(scene: Scene, stiffness: float) -> float:
     """
     if stiffness == 0:  # nothing is left on the grid
         return math.inf
-    inertia = scene.material.density * scene.solver.h**2
+    inertia = medium.material.density * medium.solver.h**2
     k = 4 * stiffness / inertia
-    if scene.solver.damping == "none":
+    if medium.solver.damping == "none":
         return 2 / math.sqrt(k)
-    if scene.solver.damping == "per_substep":
-        r = 4 * scene.material.viscosity * DT0 / (scene.material.density * H0**2)
+    if medium.solver.damping == "per_substep":
+        r = 4 * medium.material.viscosity * DT0 / (medium.material.density * H0**2)
         return math.sqrt(max(4 - 2 * r, 0.0) / k)
-    b = 4 * scene.material.viscosity / inertia
+    b = 4 * medium.material.viscosity / inertia
     return (math.sqrt(b * b + 4 * k) - b) / k
 
 
-def rest_stiffness(scene: Scene) -> float:
+def rest_stiffness(medium: Medium) -> float:
     """Largest eigenvalue of dP/dF of the undeformed material [Pa]."""
-    return 3 * scene.material.lam + 2 * scene.material.mu
+    return 3 * medium.material.lam + 2 * medium.material.mu
 
 
-def stable_at_rest(scene: Scene) -> float:
+def stable_at_rest(medium: Medium) -> float:
     """Largest stable substep of the undeformed material [s]."""
-    return stable(scene, rest_stiffness(scene))
+    return stable(medium, rest_stiffness(medium))
 
 
-def bearable(scene: Scene, dt: float, stiffness: float) -> float:
+def bearable(medium: Medium, dt: float, stiffness: float) -> float:
     """The largest viscosity 2 eta [Pa s] that a particle can bear in a substep dt beside `stiffness` [Pa] (`total`).
 
     It is where r / 2 + k dt^2 / 4 = 1 in `stable`. Compression by lambda makes a viscosity felt 1 / lambda^2 times as
-    much; that of a crushed particle is held at this value, so that a few at a crack do not shorten everybody's substep.
+    much; that of a crushed particle is held at this value, so that a few at a crack do not shorten the common substep.
     """
-    inertia = scene.material.density * scene.solver.h**2
+    inertia = medium.material.density * medium.solver.h**2
     most = 2 * (1 - stiffness / inertia * dt**2) * inertia / (4 * dt)
-    return max(most, damping(scene, dt).viscosity)
+    return max(most, damping(medium, dt).viscosity)
 
 
-def projection(scene: Scene, dt: float) -> float:
+def projection(medium: Medium, dt: float) -> float:
     """Part of the nodes' velocity that a substep replaces by its projection on the particles (APIC), 0 to 1.
 
     The projection damps waves of a few cells: (k h)^4 / 40 of the amplitude each time. `solver.projection` counts how
     often it happens while a P wave crosses a cell, so that damping depends neither on dt nor, measured in cells, on h.
     """
-    if "updated" == scene.solver.formulation or "every" == scene.solver.projection or "soft" == scene.loading.grips:
-        return 1.0  # soft grips act on the velocities of particles only
-    m = scene.material
-    crossing = scene.solver.h * math.sqrt(m.density / (m.lam + 2 * m.mu))
-    return min(1.0, float(scene.solver.projection) * dt / crossing)
+    if "updated" == medium.solver.formulation or "every" == medium.solver.projection:
+        return 1.0
+    m = medium.material
+    crossing = medium.solver.h * math.sqrt(m.density / (m.lam + 2 * m.mu))
+    return min(1.0, float(medium.solver.projection) * dt / crossing)
 
 
-def limit(scene: Scene, stiffness: float, fastest: float, rate: float) -> float:
+def limit(medium: Medium, stiffness: float, fastest: float, rate: float) -> float:
     """The substep that `dt: auto` takes at the present state [s]."""
-    dt = scene.solver.safety * stable(scene, stiffness)
+    dt = medium.solver.safety * stable(medium, stiffness)
     if rate > 0:
         dt = min(dt, ROTATION / rate)
-    if fastest > 0 and scene.solver.formulation == "updated":
-        dt = min(dt, COURANT * scene.solver.h / fastest)
+    if fastest > 0 and medium.solver.formulation == "updated":
+        dt = min(dt, COURANT * medium.solver.h / fastest)
     return dt
 
 
-def require_stable(scene: Scene) -> str:
+def require_stable(medium: Medium) -> str:
     """A warning, or "", for a fixed dt; raises ValueError when it is beyond the bound and not overridden."""
-    dt = scene.solver.dt
+    dt = medium.solver.dt
     if isinstance(dt, str):
         return ""
-    bound = stable_at_rest(scene)
-    m = scene.material
-    why = f"(E={m.E:g}, nu={m.nu:g}, density={m.density:g}, h={scene.solver.h:.4g} m)"
+    bound = stable_at_rest(medium)
+    m = medium.material
+    why = f"(E={m.E:g}, nu={m.nu:g}, density={m.density:g}, h={medium.solver.h:.4g} m)"
     if dt <= bound:
         return ""
-    if not scene.solver.dt_override:
+    if not medium.solver.dt_override:
         raise ValueError(
             f"solver.dt={dt:g} s exceeds the stability bound {bound:.3g} s at rest {why}. "
             "Use solver.dt=auto, a smaller value, or solver.dt_override=true to try it all the same."

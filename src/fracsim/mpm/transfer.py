@@ -4,10 +4,10 @@ The grid is one flat array of (momentum or velocity, mass) with strides (sx, sy,
 Sums over the 27 nodes are nested, so that a weight is multiplied once a row, not once a node.
 
 On a CPU half of a substep is spent here, and LLVM moves four numbers by one instruction only where it sees that they
-lie side by side and that all four are treated alike. Hence three habits, which take a third off the time of a substep:
-the stride sz is 1 but is not known to be at compile time, so that an address is 4 times something; the fourth number
-of a gradient is added although it is `blank`, a run-time zero; and partial sums of `gather` go to memory that was read
-before (a pad), the pattern that LLVM packs.
+lie side by side and that all four are treated alike. Three habits take a third off the time of a substep. The
+stride sz is 1, which the compiler does not know, so that an address is 4 times something. The fourth number of a
+gradient is added although it is `zero`, which is 0 at run time. Partial sums of `gather` go to memory that was read
+before (a pad): the pattern that LLVM packs.
 """
 
 from typing import Any, NamedTuple
@@ -30,15 +30,15 @@ class Grid(NamedTuple):
     sz: Any
     """Strides of the three axes; sz is 1."""
     velocity: Any
-    """Velocity and mass of each node, (size,) vec4."""
-    copies: Any
-    """Momentum and mass that each thread has scattered, (copies,) vec4."""
+    """Velocity [m/s] and mass [kg] of each node of the box, (size,) vec4."""
+    momentum: Any
+    """Momentum [kg m/s] and mass [kg] that each thread has scattered to its copy of the nodes, (copies,) vec4."""
     pad: Any
     """Scratch memory of all threads, (threads * PAD,) vec4."""
-    blank: Any
-    """Zero, at run time."""
+    zero: Any
+    """0 at run time."""
     atomic: bool
-    """Whether others scatter to the same copy."""
+    """Whether other threads scatter to the same copy."""
 
 
 @ti.func
@@ -90,7 +90,7 @@ def sum_on_pad(g: ti.template(), o, at, wx, wy, wz):
 @ti.func
 def put(g: ti.template(), place, value):
     """Write four numbers to the pad, by reading them first."""
-    g.pad[place] = g.blank * g.pad[place] + value
+    g.pad[place] = g.zero * g.pad[place] + value
 
 
 @ti.func
@@ -128,15 +128,15 @@ def scatter(g: ti.template(), at, f, momentum, affine, mass):
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     m = momentum - affine @ f
     base = ti.Vector([m[0], m[1], m[2], mass])
-    gx = ti.Vector([affine[0, 0], affine[1, 0], affine[2, 0], g.blank])
-    gy = ti.Vector([affine[0, 1], affine[1, 1], affine[2, 1], g.blank])
-    gz = ti.Vector([affine[0, 2], affine[1, 2], affine[2, 2], g.blank])
+    gx = ti.Vector([affine[0, 0], affine[1, 0], affine[2, 0], g.zero])
+    gy = ti.Vector([affine[0, 1], affine[1, 1], affine[2, 1], g.zero])
+    gz = ti.Vector([affine[0, 2], affine[1, 2], affine[2, 2], g.zero])
     for i, j in ti.static(ti.ndrange(3, 3)):
         w = wx[i] * wy[j]
         line, slope = w * (base + i * gx + j * gy), w * gz
         for k in ti.static(range(3)):
             r = at + i * g.sx + j * g.sy + k * g.sz
             if ti.static(g.atomic):
-                ti.atomic_add(g.copies[r], wz[k] * (line + k * slope))
+                ti.atomic_add(g.momentum[r], wz[k] * (line + k * slope))
             else:
-                g.copies[r] = g.copies[r] + wz[k] * (line + k * slope)
+                g.momentum[r] = g.momentum[r] + wz[k] * (line + k * slope)

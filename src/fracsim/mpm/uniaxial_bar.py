@@ -12,10 +12,7 @@ from fracsim.tensor import cofactor, volume_ratio
 
 @cache
 def stretcher(law_name: str, damage_name: str, real: Any) -> Any:
-    """The kernel that finds P [Pa] and d at given stretches, the sides at P22 = 0 by bisection.
-
-    Arguments: mu, lam, onset, crit, stretches, and where P and d go.
-    """
+    """The kernel that finds nominal stress and damage at given stretches; bisection finds the sides, P22 = 0."""
     law = load("fracsim.constitutive", law_name, "material.law")
     damage_law = load("fracsim.damage", damage_name, "fracture.law")
     Scalar = types(real)["scalar"]
@@ -23,12 +20,18 @@ def stretcher(law_name: str, damage_name: str, real: Any) -> Any:
     @ti.func
     def pulled(l, s, mu, lam):
         F = ti.Matrix([[l, l * 0, l * 0], [l * 0, s, l * 0], [l * 0, l * 0, s]])
-        K = cofactor(F)
-        J = volume_ratio(F, K)
-        return F, law.piola(F, K, J, J, mu, lam)
+        cof = cofactor(F)
+        J = volume_ratio(F, cof)
+        return F, law.piola(F, cof, J, J, mu, lam)
 
     @ti.kernel
-    def pull(mu: real, lam: real, onset: real, crit: real, stretch: Scalar, P: Scalar, d: Scalar):
+    def pull(
+        mu: real, lam: real,  # Lame parameters [Pa]
+        onset: real, crit: real,  # thresholds [1]
+        stretch: Scalar,  # (M,)
+        P: Scalar,  # out: nominal stress without damage [Pa], (M,)
+        d: Scalar,  # out: damage, (M,)
+    ):  # fmt: skip
         for q in range(stretch.shape[0]):
             l = stretch[q]
             narrow, wide = l * 0 + 0.05, l * 0 + 1.5

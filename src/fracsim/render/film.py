@@ -8,8 +8,8 @@ import numpy as np
 from fracsim import registry
 from fracsim.asset.harmonics import turned
 from fracsim.camera import View, framing, project
-from fracsim.mpm.survey import rotations
 from fracsim.records import Array, Frame, Particles
+from fracsim.render.rotations import rotations
 from fracsim.render.splat import Splatter, colours, visibility
 from fracsim.scene.vocab import CENTRE, Scene
 

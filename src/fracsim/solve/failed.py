@@ -1,4 +1,4 @@
-"""Failed particles ride with their side of the crack (`total`)."""
+"""Failed particles follow intact ones on their side of the crack (`total`)."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ TOGETHER = 3.0
 """Carriers further than this many cells from the nearest one are on the other side of the crack."""
 
 
-class Ride:
+class FollowIntact:
     """Positions and deformation of failed particles from the nearest intact ones of the rest configuration.
 
     x = mean over carriers s of x_s + F_s (X - X_s), where the carriers are the intact particles nearest at rest that
@@ -18,11 +18,12 @@ class Ride:
     """
 
     def __init__(self, X: Array, h: float) -> None:
+        """X: rest positions [m], (N, 3); h: cell size [m]."""
         self.X, self.h = X, h
         self.count = -1
 
     def _choose(self, failed: Array) -> None:
-        """Find carriers anew when more particles have failed."""
+        """Find the carriers when more particles have failed."""
         if int(failed.sum()) == self.count:
             return
         from scipy.spatial import cKDTree
@@ -33,7 +34,7 @@ class Ride:
         self.carriers = intact[near.reshape(self.count, -1)]
 
     def __call__(self, x: Array, v: Array, F: Array, failed: Array, fragment: Array) -> None:
-        """Overwrite x, v and F of the failed particles in place; carriers belong to one fragment."""
+        """Overwrite x (N, 3), v (N, 3) and F (N, 3, 3) where `failed`, (N,), in place; carriers share a fragment."""
         if not failed.any() or failed.all():
             return
         self._choose(failed)

@@ -1,78 +1,78 @@
-"""Whether the object still holds together, and if not, whether damage or the grid has parted it."""
+"""The fragments of a body that tears: nodes of their own, crumbs, and whether the grips still hold one body."""
 
 import numpy as np
 
+from fracsim.mpm.energy import kinetic
+from fracsim.mpm.state import State
 from fracsim.records import Array
+from fracsim.solve.bonds import Bonds
 
-NEIGHBOUR = 1.5
-"""Bonds join particles at most this many spacings apart at rest."""
-APART, BEYOND = 1.5, 1.5
-"""A bond of intact particles is torn when it is longer than APART cells and BEYOND times what F says."""
+RISKY = 1.2
+"""Below this stretch the grid of `updated` does not tear anything."""
 
 
-class Cohesion:
-    """Bonds between neighbours at rest; the object is broken when none of them leads from grip to grip.
+def joins(piece: Array, side: Array) -> bool:
+    """Whether one piece, numbered from 0 in (N,), reaches from grip to grip; `side` is -1 and +1 there, (N,)."""
+    low, high = piece[side < 0], piece[side > 0]
+    return bool(np.isin(low[low >= 0], high[high >= 0]).any())
 
-    A bond ends when one of its particles has failed, or when the particles are further apart than the mean F of both
-    explains: then the background grid no longer couples them, which is numerical tearing, not damage.
-    """
 
-    def __init__(self, X: Array, spacing: float, h: float, side: Array) -> None:
-        self.X, self.reach, self.h, self.side = X, NEIGHBOUR * spacing, h, side
-        self.bonds: Array | None = None
+class Fragments:
+    """Follows the fragments of a state; `crumb` is the size [particles] below which a fragment fails with the crack."""
 
-    def _pairs(self) -> Array:
-        """Bonds at rest, (B, 2), found when first needed."""
-        if self.bonds is None:
-            from scipy.spatial import cKDTree
+    def __init__(self, state: State, bonds: Bonds, crumb: float) -> None:
+        self.state, self.bonds, self.crumb = state, bonds, crumb
+        self.of = np.zeros(state.n, np.int64)
+        """The fragment of each particle, -1 for failed ones, (N,) (`total`)."""
+        self.crumbled = 0.0
+        """Energy that crumbs have taken along [J]."""
 
-            self.bonds = cKDTree(self.X).query_pairs(self.reach, output_type="ndarray")
-        return self.bonds
+    def update(self) -> None:
+        """Give each separated fragment its own nodes; fragments too small for the grid fail with the crack."""
+        d = self.state.points.D.to_numpy()
+        if int((d >= 1).sum()) == int((self.of < 0).sum()):
+            return
+        fragment = self.bonds.fragments(d >= 1)
+        if (fragment < 0).all():
+            self.of = fragment
+            return
+        size = np.bincount(fragment[fragment >= 0])
+        crumbs = (fragment >= 0) & (size[fragment] < self.crumb) & (self.state.side == 0)
+        if crumbs.any():
+            self._fail(crumbs, d)
+            fragment[crumbs] = -1
+            fragment[fragment >= 0] = np.unique(fragment[fragment >= 0], return_inverse=True)[1]  # without gaps again
+        intact = fragment >= 0
+        if (fragment[intact] != self.of[intact]).any():
+            self.state.split(fragment)
+        self.of = fragment
 
-    def _holds(self, bonds: Array) -> bool:
-        """Whether bonds lead from the lower to the upper grip."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
+    def _fail(self, crumbs: Array, d: Array) -> None:
+        """Make the particles of crumbs, (N,) bool, fail; d, (N,), is the damage so far."""
+        before = self._energy()
+        d[crumbs] = 1
+        self.state.points.D.from_numpy(d)
+        self.crumbled += float(before - self._energy())
 
-        n = len(self.X)
-        graph = coo_matrix((np.ones(len(bonds), np.int8), (bonds[:, 0], bonds[:, 1])), shape=(n, n))
-        label = connected_components(graph, directed=False)[1]
-        return bool(np.isin(label[self.side < 0], label[self.side > 0]).any())
+    def _energy(self) -> float:
+        """Strain and kinetic energy [J]."""
+        volume = self.state.points.volume.to_numpy().astype(np.float64)
+        return float(volume @ self.state.observe().energy + kinetic(self.state).sum())
 
-    def fragments(self, failed: Array) -> Array:
-        """Labels 0, 1, ... of the pieces that bonds of intact particles hold together, largest first, -1 for failed
-        particles, (N,)."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
+    def verdict(self, x: Array, F: Array, failed: Array, stretch: float) -> str:
+        """`whole`, `broken` (by damage) or `torn` (numerically: the grid has parted intact particles).
 
-        bonds, n = self._pairs(), len(self.X)
-        alive = bonds[~(failed[bonds[:, 0]] | failed[bonds[:, 1]])]
-        graph = coo_matrix((np.ones(len(alive), np.int8), (alive[:, 0], alive[:, 1])), shape=(n, n))
-        label = connected_components(graph, directed=False)[1]
-        size = np.bincount(label[~failed], minlength=label.max() + 1)
-        rank = np.empty(len(size), np.int64)
-        rank[np.argsort(-size, kind="stable")] = np.arange(len(size))
-        return np.where(failed, -1, rank[label])
-
-    def joins(self, label: Array) -> bool:
-        """Whether one fragment reaches from grip to grip."""
-        low, high = label[self.side < 0], label[self.side > 0]
-        return bool(np.isin(low[low >= 0], high[high >= 0]).any())
-
-    def judge(self, x: Array, F: Array, failed: Array) -> str:
-        """`whole`, `broken` (by damage) or `torn` (numerically: intact bonds parted)."""
-        bonds = self._pairs()
-        alive = bonds[~(failed[bonds[:, 0]] | failed[bonds[:, 1]])]
-        a, b = alive[:, 0], alive[:, 1]
-        length = np.linalg.norm(x[a] - x[b], axis=1)
-        suspect = length > APART * self.h
-        torn = np.zeros(len(alive), bool)
-        if suspect.any():
-            a, b = a[suspect], b[suspect]
-            due = np.einsum("pij,pj->pi", (F[a] + F[b]) / 2, self.X[a] - self.X[b])
-            torn[suspect] = length[suspect] > BEYOND * np.linalg.norm(due, axis=1)
+        x [m], (N, 3), F, (N, 3, 3), and `failed`, (N,) bool, are those of the frame, `stretch` the largest so far.
+        """
+        side = self.state.side
+        if self.state.total:
+            return "whole" if joins(self.of, side) else "broken"
+        if stretch < RISKY:
+            return "whole"
+        bonds = self.bonds.intact(failed)
+        torn = self.bonds.torn(bonds, x, F)
         if not failed.any() and not torn.any():
             return "whole"
-        if self._holds(alive[~torn]):
+        if joins(self.bonds.pieces(bonds[~torn]), side):
             return "whole"
-        return "torn" if self._holds(alive) else "broken"
+        return "torn" if joins(self.bonds.pieces(bonds), side) else "broken"

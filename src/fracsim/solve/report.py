@@ -1,4 +1,4 @@
-"""What is counted during a run: history over frames, energy balance, faults and warnings."""
+"""What is counted during a run: history over frames, energy balance, and warnings."""
 
 import math
 from dataclasses import dataclass, field
@@ -7,25 +7,25 @@ from typing import Any
 import numpy as np
 
 from fracsim.mpm import params as slot
-from fracsim.mpm.grips import along
+from fracsim.mpm.medium import Medium
 from fracsim.records import Array, Frame, Particles
-from fracsim.scene.vocab import Scene
+from fracsim.scene.vocab import CENTRE, Scene
 
 CRUSHED = 1e-5
-"""Part of all substeps of all particles that may be crushed unmentioned: at a crack, some particles that are nearly
-failed are. The count is in the report in any case."""
+"""Warn above this fraction of crushed particle-substeps. At a crack some particles are crushed that have nearly failed;
+the report has the count in any case."""
 TEARING = 0.9
 """In `updated` the grid lets go of particles that are this many cells apart, whatever their damage."""
 
 
-def failure_reach(scene: Scene, particles: Particles) -> float:
+def failure_distance(medium: Medium, particles: Particles) -> float:
     """Distance of neighbours along the pull, in cells, when the material reaches lambda_crit."""
-    return scene.fracture.crit * particles.spacing / scene.solver.h
+    return medium.fracture.crit * particles.spacing / medium.h
 
 
 @dataclass(frozen=True)
-class Books:
-    """Running sums of one instant in SI units; works and losses in J, impulses in N s."""
+class EnergyTally:
+    """Sums over time at one instant in SI units; works and losses in J, impulses in N s."""
 
     impulse: float
     """Pull of both grips, outwards, mean of the two."""
@@ -38,8 +38,8 @@ class Books:
     gravity_work: float
 
     @classmethod
-    def of(cls, sums: Array) -> "Books":
-        """From the sums of `State.booked`."""
+    def of(cls, sums: Array) -> "EnergyTally":
+        """From the sums of `State.sums`, (SUMS,)."""
         pull = (sums[slot.PULL_HIGH] - sums[slot.PULL_LOW]) / 2
         names = (
             slot.GRIP_WORK,
@@ -69,29 +69,31 @@ class History:
     dt: list[float] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What a frame shows besides its arrays; all energies at the instant of the velocities."""
+
+    tally: EnergyTally
+    energy: Array
+    """Strain energy densities, (1 - d) psi [Pa], (N,)."""
+    stretch: float
+    """Largest stretch of a particle."""
+    kinetic: float
+    """Kinetic energy [J]."""
+
+
 class Report:
     """Collects `History` and the facts of the final table."""
 
-    def __init__(self, scene: Scene, particles: Particles, tag: Array, warnings: list[str]) -> None:
-        self.scene, self.warnings = scene, [*particles.notes, *warnings]
-        reach = failure_reach(scene, particles)
-        if scene.solver.formulation == "updated" and reach > TEARING:
-            needed, near = math.ceil(scene.fracture.crit / 0.85), TEARING / reach * scene.fracture.crit
-            self.warnings.append(
-                f"solver.formulation=updated tears numerically near a stretch of {near:.2f}, "
-                f"before fracture.crit={scene.fracture.crit:g}: use total, or solver.particles_per_axis={needed}"
-            )
+    def __init__(self, scene: Scene, medium: Medium, particles: Particles, exempt: Array, warnings: list[str]) -> None:
+        """`exempt`, (N,) bool, are the particles that gather no damage; `warnings` are known before the run."""
+        self.scene, self.medium = scene, medium
+        self.warnings = [*particles.notes, *warnings]
         self.mass = particles.volume.astype(np.float64) * scene.material.density
         self.volume = particles.volume.astype(np.float64)
-        self.exempt = int((tag >= slot.EXEMPT).sum())
-        self.free = tag < slot.EXEMPT
-        between = np.abs(along(scene.loading, particles.X)) < scene.loading.offset
-        if not self.free[between].any():
-            self.warnings.append(
-                "nothing between the grips can tear: it is within 1.5 h of what they move and gathers no damage; use a "
-                "larger loading.offset, more solver.cells or fracture.at_grips=true"
-            )
-        self.history, self.books = History(), Books(*([0.0] * 8))
+        self.free = ~exempt
+        self._warn_before(particles)
+        self.history, self.tally = History(), EnergyTally(*([0.0] * 8))
         self.substeps = self.clamped = 0
         self.crumbled = 0.0
         self.break_frame: int | None = None
@@ -99,6 +101,22 @@ class Report:
         self.settled_frame: int | None = None
         self.stretch_max = 1.0
         self.expected = math.nan
+
+    def _warn_before(self, particles: Particles) -> None:
+        """Warnings that follow from scene and object alone."""
+        scene, crit, distance = self.scene, self.medium.fracture.crit, failure_distance(self.medium, particles)
+        if scene.solver.formulation == "updated" and distance > TEARING:
+            needed, near = math.ceil(crit / 0.85), TEARING / distance * crit
+            self.warnings.append(
+                f"solver.formulation=updated tears numerically near a stretch of {near:.2f}, "
+                f"before fracture.crit={crit:g}: use total, or solver.particles_per_axis={needed}"
+            )
+        s = (particles.X.astype(np.float64) - CENTRE) @ np.asarray(scene.loading.axis)
+        if not self.free[np.abs(s) < scene.loading.offset].any():
+            self.warnings.append(
+                "nothing between the grips can tear: it is within 1.5 h of what they move and gathers no damage; use a "
+                "larger loading.offset, more solver.cells or fracture.at_grips=true"
+            )
 
     @property
     def parted(self) -> bool:
@@ -111,20 +129,19 @@ class Report:
         self.history.dt_t.append(t)
         self.history.dt.append(dt)
 
-    def frame(self, frame: Frame, books: Books, energy: Array, stretch: float, kinetic: float, verdict: str) -> None:
-        """Add a frame; `energy` is the strain energy density (N,), `stretch` the largest one, `kinetic` in J. Both
-        energies are those of the instant of the velocities."""
+    def add(self, frame: Frame, seen: Seen, verdict: str) -> None:
+        """Add a frame, what was seen of it, and whether the object has parted: `whole`, `broken` or `torn`."""
         h, load = self.history, self.scene.loading
-        self.stretch_max = max(self.stretch_max, stretch)
+        self.stretch_max = max(self.stretch_max, seen.stretch)
         h.t.append(frame.t)
         h.nominal_stretch.append(1 + 2 * load.speed * frame.t / load.gauge)
-        h.load.append((books.impulse - self.books.impulse) * self.scene.capture.fps)
-        h.stretch_max.append(stretch)
+        h.load.append((seen.tally.impulse - self.tally.impulse) * self.scene.capture.fps)
+        h.stretch_max.append(seen.stretch)
         h.damaged.append(float((frame.d > 0).mean()))
         h.failed.append(float(frame.failed.mean()))
-        h.kinetic.append(kinetic)
-        h.elastic.append(float((energy * self.volume).sum()))
-        self.books = books
+        h.kinetic.append(seen.kinetic)
+        h.elastic.append(float((seen.energy * self.volume).sum()))
+        self.tally = seen.tally
         if verdict == "broken":
             self.break_frame = frame.index
         elif verdict == "torn":
@@ -134,10 +151,10 @@ class Report:
         """Where the work went [J].
 
         `projection` is lost in projecting velocities on particles, `released` is what failed particles took along, and
-        `unaccounted` what no book explains: the error of the time integration. Velocities are those of half a substep
-        before a frame, and so are all energies.
+        `unaccounted` the rest: the error of the time integration. Velocities are those of half a substep before a
+        frame, and so are all energies.
         """
-        h, b = self.history, self.books
+        h, b = self.history, self.tally
         spent = {
             "kinetic": h.kinetic[-1] - h.kinetic[0],
             "elastic": h.elastic[-1] - h.elastic[0],
@@ -159,7 +176,7 @@ class Report:
             "torn_frame": self.torn_frame,
             "settled_frame": self.settled_frame,
             "uniform_bar_breaks_at": self.expected,
-            "lambda_crit": self.scene.fracture.crit,
+            "lambda_crit": self.medium.fracture.crit,
             "particles": len(self.mass),
             "stretch_max": self.stretch_max,
             "damaged": h.damaged[-1],
@@ -169,7 +186,7 @@ class Report:
             "dt_min": min(h.dt, default=0.0),
             "dt_max": max(h.dt, default=0.0),
             "clamped": self.clamped,
-            "exempt_from_damage": self.exempt,
+            "exempt_from_damage": int((~self.free).sum()),
             "energy": self.energy(),
             "warnings": [*self.warnings, *self._findings()],
         }
@@ -192,21 +209,3 @@ class Report:
                 "and energy is off: use a smaller fracture.crit or loading.speed, or solver.dt=auto"
             )
         return found
-
-    def fault(self, kind: int, p: int, frame: int, step: int, x: Array, v: Array) -> str:
-        """The message for a fault of particle p."""
-        where = f"frame {frame}, substep {step}, particle {p} at {x.round(3)} m"
-        if kind == slot.GRID_FAULT:
-            return (
-                f"{where} left the grid (field x): it flew off, or the motion is larger than the grid. "
-                "Use solver.formulation=total, or fewer capture.frames."
-            )
-        limit, material = self.scene.solver.max_speed, self.scene.material
-        what = f"v = {np.linalg.norm(v):.3g} m/s exceeds solver.max_speed={limit:g}"
-        wave = math.sqrt(material.E / material.density)
-        if np.isfinite(v).all() and wave > limit / 2 and self.scene.solver.dt == "auto":
-            return f"{where}: field {what}, but this material's waves run at {wave:.3g} m/s: raise solver.max_speed."
-        return (
-            f"{where}: field {what if np.isfinite(v).all() else 'v is not finite'}. The simulation is unstable, "
-            "likely because the substep is too long: use solver.dt=auto or a smaller solver.safety."
-        )

@@ -1,0 +1,92 @@
+"""The nodes of one simulation on the device: where they lie, what they carry, and how the boundary holds them."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from fracsim.mpm.boundary import Holding
+from fracsim.mpm.layout import Layout
+from fracsim.mpm.transfer import PAD
+from fracsim.records import Array
+
+MAX_NODES = 2**25
+"""No grid larger than this is made: 1 GiB in float32, or 2 when it has grown, since Taichi keeps the smaller ones."""
+
+
+class NodeGrid:
+    """Device arrays of a layout; see `Grid` and `NodeArrays` for shapes and units."""
+
+    layout: Layout
+    index: Any
+    source: Any
+    shift: Any
+    start: Any
+    grip: Any
+    edge: Any
+    edge_weights: Any
+
+    def __init__(self, real: Any, dtype: Any, threads: int) -> None:
+        self._real, self._dtype = real, dtype
+        self.velocity: Any = None
+        self.momentum: Any = None
+        self.pad = ti.Vector.ndarray(4, real, threads * PAD)
+        self.pad.from_numpy(np.zeros((threads * PAD, 4), dtype))
+
+    def place(self, layout: Layout, holding: Holding) -> None:
+        """Take another layout, whose momenta are zero and whose velocities are not set.
+
+        Raises ValueError for more than MAX_NODES nodes.
+        """
+        if max(layout.size, layout.copies) > MAX_NODES:
+            raise ValueError(f"the grid would need {layout.size:,} nodes: choose fewer solver.cells.")
+        self.layout = layout
+        self.velocity = self._at_least(self.velocity, layout.size)
+        self.momentum = self._at_least(self.momentum, layout.copies)
+        self.index, self.source = _indices(layout.nodes), _indices(layout.source)
+        self.grip, self.edge = _indices(holding.grip), _indices(holding.edge)
+        self.edge_weights = ti.ndarray(self._real, holding.weights.shape)
+        self.edge_weights.from_numpy(holding.weights.astype(self._dtype))
+        self.shift, self.start = _indices(layout.shift), _indices(layout.start)
+
+    def _at_least(self, array: Any, size: int) -> Any:
+        """A device array of at least `size` nodes: this one, or a new one twice as large.
+
+        Taichi keeps the memory of arrays that Python has dropped. What a substep leaves in an array is zero
+        (`momentum`) or written before it is read.
+        """
+        if array is not None and array.shape[0] >= size:
+            return array
+        return ti.Vector.ndarray(4, self._real, max(size, 1 if array is None else min(2 * array.shape[0], MAX_NODES)))
+
+    def inherit(self, old: Layout, velocity: Array, old_offset: Array, offset: Array, fragment: Array) -> None:
+        """Give nodes the velocity that the node at their place had in the layout `old`.
+
+        `velocity`, (old size, 4), is that of the old nodes; each fragment was `old_offset` and is now `offset` cells
+        away from its place, (fragments,); `fragment`, (planes,), is that of each plane of nodes of the present layout.
+        """
+        index = np.stack(np.unravel_index(self.layout.nodes, self.layout.shape), axis=1)
+        of = fragment[index[:, 0]]
+        index += self.layout.lowest - old.lowest
+        index[:, 0] += old_offset[of] - offset[of]
+        known = ((index >= 0) & (index < old.shape)).all(axis=1)  # the others are near failed particles only
+        out = np.zeros((self.velocity.shape[0], 4), self._dtype)
+        out[self.layout.nodes[known]] = velocity[np.ravel_multi_index(tuple(index[known].T), old.shape)]
+        self.velocity.from_numpy(out)
+
+    def clear(self) -> None:
+        """Zero whatever a substep that failed half-way has left."""
+        for array in (self.pad, self.momentum):
+            array.from_numpy(np.zeros_like(array.to_numpy()))  # fill() would compile a kernel for each array
+
+    def arrays(self) -> tuple[Any, ...]:
+        """The arrays in the order of the kernel of substeps."""
+        grid = (*self.layout.strides, 0.0, self.velocity, self.momentum, self.pad)
+        return *grid, self.index, self.grip, self.edge, self.edge_weights, self.source, self.shift, self.start
+
+
+def _indices(values: Array) -> Any:
+    """Integers on the device."""
+    array = ti.ndarray(ti.i32, values.shape)
+    array.from_numpy(np.ascontiguousarray(values, np.int32))
+    return array
