@@ -42,9 +42,9 @@ def ours(formulation):
     solver = Solver(cells=CELLS, formulation=formulation, damping="per_substep", projection="every")
     X = bar.lattice(solver.h)
     state = bars.free(Scene(material=bar.material("fixed_corotated"), solver=solver), bars.particles(X, solver.spacing))
-    state.V.from_numpy(bar.velocity(X))
+    state.points.V.from_numpy(bar.velocity(X))
     state.run(SUBSTEPS, bar.DT, 0.0)
-    return state.U.to_numpy()
+    return state.points.U.to_numpy()
 
 
 def test_full_size_is_the_bar_of_the_comparison():

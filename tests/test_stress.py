@@ -23,7 +23,8 @@ from fracsim.fuzz.table import lines, table
 from fracsim.lab import stage
 from fracsim.mpm import params as slot
 from fracsim.records import Frame
-from fracsim.solve.simulator import SimulationError, Simulator
+from fracsim.solve.march import SimulationError
+from fracsim.solve.simulator import Simulator
 
 
 def test_a_case_depends_on_seed_and_number_alone() -> None:
@@ -109,7 +110,7 @@ def test_damage_that_falls_or_leaves_its_range_is_seen(watched: tuple[Simulator,
 def test_energy_from_nowhere_is_seen(watched: tuple[Simulator, Watch, Frame]) -> None:
     """Half of the work more elastic energy than there is; a tenth less is a loss."""
     simulator, watch, frame = watched
-    work = simulator.state.booked()[slot.GRIP_WORK]
+    work = simulator.state.sums()[slot.GRIP_WORK]
     simulator.report.history.elastic[-1] -= 0.1 * work
     assert planted(watch, frame) == []
     simulator.report.history.elastic[-1] += 0.6 * work
@@ -118,16 +119,16 @@ def test_energy_from_nowhere_is_seen(watched: tuple[Simulator, Watch, Frame]) ->
 
 def test_momentum_from_nowhere_is_seen(watched: tuple[Simulator, Watch, Frame]) -> None:
     simulator, watch, frame = watched
-    V = simulator.state.V.to_numpy()
-    simulator.state.V.from_numpy(V + np.float32([0.1, 0, 0]))
+    V = simulator.state.points.V.to_numpy()
+    simulator.state.points.V.from_numpy(V + np.float32([0.1, 0, 0]))
     assert planted(watch, frame) == ["momentum"]
 
 
 def test_a_grip_that_lags_is_seen(watched: tuple[Simulator, Watch, Frame]) -> None:
     """Both where the state has it; the frame shows it at v t all the same."""
     simulator, watch, frame = watched
-    U = simulator.state.U.to_numpy()
-    simulator.state.U.from_numpy(np.where(simulator.side[:, None] != 0, 0.99 * U, U))
+    U = simulator.state.points.U.to_numpy()
+    simulator.state.points.U.from_numpy(np.where(simulator.state.side[:, None] != 0, 0.99 * U, U))
     assert planted(watch, frame) == ["grips"]
 
 
@@ -137,9 +138,9 @@ def test_a_frame_at_the_wrong_time_and_place_is_seen(watched: tuple[Simulator, W
 
 def test_mass_that_vanishes_from_the_grid_is_seen(watched: tuple[Simulator, Watch, Frame]) -> None:
     simulator, watch, frame = watched
-    grid = simulator.state.velocity.to_numpy()
+    grid = simulator.state.grid.velocity.to_numpy()
     grid[:, 3] *= 0.9
-    simulator.state.velocity.from_numpy(grid)
+    simulator.state.grid.velocity.from_numpy(grid)
     watch.round(1, 1e-4, frame.t)
     assert [told.partition(":")[0] for told in watch.violations] == ["mass"]
 
@@ -214,7 +215,7 @@ def test_what_recoils_into_its_grip_may_be_crushed_for_a_while_and_recovers(numb
     out = run(draw(0, number), lambda simulator, frame, watch: seen.append(simulator))
     assert (out.verdict, out.wrong, out.parted) == ("finished", [], True)
     state = seen[-1].state
-    assert np.linalg.det(state.F.to_numpy()[state.D.to_numpy() < 1]).min() > 0.5
+    assert np.linalg.det(state.points.F.to_numpy()[state.points.D.to_numpy() < 1]).min() > 0.5
 
 
 def test_a_run_that_would_hardly_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from fracsim.records import Array
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.problems import decay, translation
 
-from .bars import angular_momentum, free, lattice, momentum, ordered, particles, scene
+from .bars import angular_momentum, free, gripped, lattice, momentum, ordered, particles, scene
 
 FORMS = ("total", "updated")
 TURN = {"total": 1e-3, "updated": 1e-9}
@@ -23,7 +23,7 @@ def body(form: str, cells: int = 50, size: float = 0.2, precision: str = "float6
     solver = Solver(cells=cells, formulation=form, precision=precision)
     settings = {"law": "neo_hookean", "E": 1e4, "nu": 0.3, **material}
     s = scene(material=Material(**settings), fracture=Fracture(onset=8, crit=9), solver=solver,
-              loading=Loading(offset=0.08, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
+              capture=Capture(frames=1))  # fmt: skip
     return free(s, particles(ordered(lattice((size,) * 3, solver.spacing), solver.h), solver.spacing))
 
 
@@ -33,7 +33,7 @@ def run(state: State, steps: int, dt: float) -> None:
         state.run(min(10, steps), dt, 0.0)
         assert state.fault()[0] == 0
         if not state.total:
-            state.relayout(state.X0 + state.U.to_numpy())
+            state.relayout(state.X0 + state.points.U.to_numpy())
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -41,28 +41,28 @@ def test_rigid_translation(form: str) -> None:
     """100 cells at 5 m/s: F stays I, v stays v, to round-off."""
     state = body(form)
     v = translation.VELOCITY
-    state.V.from_numpy(np.tile(v, (state.n, 1)))
+    state.points.V.from_numpy(np.tile(v, (state.n, 1)))
     run(state, 1000, 8e-4)
-    assert np.abs(state.F.to_numpy() - np.eye(3)).max() < 1e-10
-    assert np.abs(state.V.to_numpy() - v).max() < 1e-10
-    assert np.allclose(state.U.to_numpy(), translation.displacement(0.8), atol=1e-10)
+    assert np.abs(state.points.F.to_numpy() - np.eye(3)).max() < 1e-10
+    assert np.abs(state.points.V.to_numpy() - v).max() < 1e-10
+    assert np.allclose(state.points.U.to_numpy(), translation.displacement(0.8), atol=1e-10)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_grid_decay(form: str) -> None:
     """v(t) = v0 exp(-rate t), whatever the substep."""
     state = body(form, decay=decay.RATE)
-    state.V.from_numpy(np.tile([1.0, 0, 0], (state.n, 1)))
+    state.points.V.from_numpy(np.tile([1.0, 0, 0], (state.n, 1)))
     run(state, 400, 5e-4)
-    assert np.abs(state.V.to_numpy()[:, 0] - decay.speed("physical", 400, 5e-4)).max() < 1e-10
+    assert np.abs(state.points.V.to_numpy()[:, 0] - decay.speed("physical", 400, 5e-4)).max() < 1e-10
 
 
 def spin(state: State, omega: float) -> None:
     """Rigid rotation about z: v and C of the particles."""
     x = state.X0.astype(np.float64)
     W = omega * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
-    state.V.from_numpy((x @ W.T).astype(state.dtype))
-    state.C.from_numpy(np.tile(W.astype(state.dtype), (state.n, 1, 1)))
+    state.points.V.from_numpy((x @ W.T).astype(state.dtype))
+    state.points.C.from_numpy(np.tile(W.astype(state.dtype), (state.n, 1, 1)))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -76,7 +76,7 @@ def test_free_rotation(form: str) -> None:
     after = angular_momentum(state)
     print(np.abs(after - before).max() / np.abs(before).max())
     assert np.abs(after - before).max() < TURN[form] * np.abs(before).max()
-    F = state.F.to_numpy()
+    F = state.points.F.to_numpy()
     strain = np.abs(np.swapaxes(F, 1, 2) @ F - np.eye(3)).max() / 2
     # rho omega^2 R^2 / E = 200 * 39.5 * 0.02 / 1e4 = 1.6e-2 at the corner, twice it while the body rings.
     assert strain < 4e-2
@@ -89,10 +89,10 @@ def test_ringing_body_keeps_momentum(form: str) -> None:
     """Random velocities in an elastic body: internal forces sum to nothing."""
     state = body(form, viscosity=5.0)
     rng = np.random.default_rng(0)
-    state.V.from_numpy(rng.normal(size=(state.n, 3)) * 0.1 + [0.5, 0, 0])
+    state.points.V.from_numpy(rng.normal(size=(state.n, 3)) * 0.1 + [0.5, 0, 0])
     p, L = momentum(state), angular_momentum(state)
     run(state, 100, 4e-4)
-    scale = state.scene.material.density * 0.2**3
+    scale = state.medium.material.density * 0.2**3
     assert np.abs(momentum(state) - p).max() < 1e-12 * scale
     print(np.abs(angular_momentum(state) - L).max() / np.abs(L).max())
     assert np.abs(angular_momentum(state) - L).max() < TURN[form] * np.abs(L).max()
@@ -103,13 +103,13 @@ def test_two_bodies_collide() -> None:
     solver = Solver(cells=50, formulation="updated", precision="float64")
     X = [lattice((0.1,) * 3, solver.spacing, (1 + side * 0.09, 1.0, 1.0)) for side in (-1, 1)]
     s = scene(material=Material(law="neo_hookean", E=1e4, nu=0.3), fracture=Fracture(onset=8, crit=9), solver=solver,
-              loading=Loading(offset=0.09, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
+              capture=Capture(frames=1))  # fmt: skip
     state = free(s, particles(np.concatenate(X), solver.spacing))
     side = np.repeat([1.0, -1.0], len(X[0]))
-    state.V.from_numpy(np.stack([side, 0 * side, 0 * side], axis=1))
+    state.points.V.from_numpy(np.stack([side, 0 * side, 0 * side], axis=1))
     run(state, 300, 4e-4)
-    v = state.V.to_numpy()[:, 0]
-    scale = s.material.density * state.volume.to_numpy().sum()
+    v = state.points.V.to_numpy()[:, 0]
+    scale = s.material.density * state.points.volume.to_numpy().sum()
     assert np.abs(momentum(state)).max() < 1e-12 * scale
     assert v[side > 0].mean() < -0.3  # rebounded
     assert v[side < 0].mean() > 0.3
@@ -119,10 +119,10 @@ def test_single_precision_translation() -> None:
     """float32: displacement, not position, is stored, so v dt is not lost against 1 m."""
     state = body("total", precision="float32")
     v = np.array([0.01, 0, 0], np.float32)
-    state.V.from_numpy(np.tile(v, (state.n, 1)))
+    state.points.V.from_numpy(np.tile(v, (state.n, 1)))
     run(state, 1000, 1e-5)
     # A thousand additions of 1e-7 m, each rounded to 2^-24 of at most 1e-4 m.
-    assert np.abs(state.U.to_numpy()[:, 0] - 1e-4).max() < 1e-8
+    assert np.abs(state.points.U.to_numpy()[:, 0] - 1e-4).max() < 1e-8
 
 
 def one_frame(threads: int) -> Array:
@@ -130,10 +130,10 @@ def one_frame(threads: int) -> Array:
     solver = Solver(cells=60)
     s = scene(material=Material(law="fixed_corotated", E=2e3, nu=0.3), solver=solver, backend=Backend(threads=threads),
               loading=Loading(offset=0.15, speed=0.5), capture=Capture(frames=1))  # fmt: skip
-    state = State(s, particles(ordered(lattice((0.6, 0.2, 0.2), solver.spacing), solver.h), solver.spacing))
-    assert state.chunks == threads
+    state = gripped(s, particles(ordered(lattice((0.6, 0.2, 0.2), solver.spacing), solver.h), solver.spacing))
+    assert state.drive.threads == threads
     state.run(60, 4e-4, 0.0)
-    return state.U.to_numpy()
+    return state.points.U.to_numpy()
 
 
 def test_one_thread_is_bitwise_repeatable() -> None:
@@ -152,9 +152,9 @@ def kept(dt: float, projection: float | str) -> float:
     """Part of the kinetic energy of random velocities without elasticity to speak of that is left after 4 ms."""
     solver = Solver(cells=50, precision="float64", projection=projection)
     s = scene(material=Material(law="neo_hookean", E=1e2, nu=0.0, density=2e4), fracture=Fracture(onset=8, crit=9),
-              solver=solver, loading=Loading(offset=0.08, thickness=0.05), capture=Capture(frames=1))  # fmt: skip
+              solver=solver, capture=Capture(frames=1))  # fmt: skip
     state = free(s, particles(ordered(lattice((0.2,) * 3, solver.spacing), solver.h), solver.spacing))
-    state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)))
+    state.points.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)))
     state.run(1, 1e-6, 0.0)  # from now on the nodes know the velocities
     before = kinetic(state).sum()
     state.run(round(4e-3 / dt), dt, 0.0)

@@ -7,12 +7,10 @@ import pytest
 import taichi as ti
 
 from fracsim import Fracture, Loading, Material, Solver, registry
-from fracsim.mpm import params as slot
-from fracsim.mpm.state import State
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.problems import damage_history
 
-from .bars import free, lattice, particles, scene
+from .bars import free, gripped, lattice, particles, scene
 
 LAWS = registry.names("fracsim.damage")
 
@@ -54,8 +52,7 @@ def test_every_law_is_bounded_and_does_not_see_rotation(name: str) -> None:
 def test_damage_history_is_a_running_maximum(form: str) -> None:
     """The history of stretches 1, 1.5, 1.7, 2.1, 1.2, ... gives d = 0, 0, 0.25, 0.75, 0.75, ... on the particle."""
     solver = Solver(cells=20, precision="float64", formulation=form)
-    s = scene(material=Material(E=1e2, nu=0.3), fracture=damage_history.THRESHOLDS, solver=solver,
-              loading=Loading(offset=0.2, thickness=0.1))  # fmt: skip
+    s = scene(material=Material(E=1e2, nu=0.3), fracture=damage_history.THRESHOLDS, solver=solver)
     state = free(s, particles(lattice((0.6, 0.3, 0.3), solver.spacing), solver.spacing))
     exact = np.tile(damage_history.EXACT, (state.n, 1)).T
     assert damage_history.suffered(state) == pytest.approx(exact, abs=1e-6)
@@ -63,12 +60,11 @@ def test_damage_history_is_a_running_maximum(form: str) -> None:
 
 def test_degraded_stress_and_its_energy() -> None:
     solver = Solver(cells=20, precision="float64")
-    s = scene(material=Material(law="neo_hookean", E=1e3, nu=0.3), solver=solver,
-              loading=Loading(offset=0.2, thickness=0.1))  # fmt: skip
+    s = scene(material=Material(law="neo_hookean", E=1e3, nu=0.3), solver=solver)
     state = free(s, particles(lattice((0.6, 0.3, 0.3), solver.spacing), solver.spacing))
-    state.F.from_numpy(np.tile(np.diag([1.8, 0.9, 0.9]), (state.n, 1, 1)))
+    state.points.F.from_numpy(np.tile(np.diag([1.8, 0.9, 0.9]), (state.n, 1, 1)))
     whole, energy, stretch, _ = state.observe()
-    state.D.from_numpy(np.full(state.n, 0.25))
+    state.points.D.from_numpy(np.full(state.n, 0.25))
     damaged, left, *_ = state.observe()
     assert damaged == pytest.approx(0.75 * whole, rel=1e-12)
     assert left == pytest.approx(0.75 * energy, rel=1e-12)
@@ -79,12 +75,12 @@ def test_grip_particles_are_exempt_unless_asked() -> None:
     solver = Solver(cells=50)
     body = particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing)
     loading = Loading(offset=0.15, thickness=0.05)
-    off = State(scene(solver=solver, loading=loading), body).tag
-    on = State(scene(solver=solver, loading=loading, fracture=Fracture(at_grips=True)), body).tag
+    off = gripped(scene(solver=solver, loading=loading), body).exempt
+    on = gripped(scene(solver=solver, loading=loading, fracture=Fracture(at_grips=True)), body).exempt
     s = np.abs(body.X[:, 0].astype(float) - 1)
     # Grips from 0.125 to 0.175 m move nodes up to 1.15 h away, here those at 0.08 to 0.2 m; 1.5 h = 0.06 m.
-    assert ((off >= slot.EXEMPT) == ((s >= 0.08 - 0.06) & (s <= 0.2 + 0.06))).all()
-    assert (on < slot.EXEMPT).all()
+    assert (off == ((s >= 0.08 - 0.06) & (s <= 0.2 + 0.06))).all()
+    assert not on.any()
 
 
 @pytest.mark.parametrize(("offset", "at_grips", "told"), [(0.15, False, 0), (0.06, False, 1), (0.06, True, 0)])

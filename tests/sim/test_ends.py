@@ -5,15 +5,14 @@ import pytest
 
 from fracsim import Capture, Fracture, Loading, Material, Solver
 from fracsim.mpm import params as slot
+from fracsim.mpm.boundary import IN_EDGE, Holding
 from fracsim.mpm.ends import end
-from fracsim.mpm.grips import TIED, Holding, holding
-from fracsim.mpm.layout import apart, layout
+from fracsim.mpm.layout import layout, separate_fragments
 from fracsim.mpm.state import State
 from fracsim.records import Array
-from fracsim.scene.vocab import Scene
 from fracsim.solve.simulator import Simulator
 
-from .bars import bar, lattice, particles, scene
+from .bars import bar, gripped, lattice, particles, scene
 
 CELLS = 50
 H = 2 / CELLS
@@ -31,7 +30,7 @@ def strained(gap: float, per_cell: int, phase: float) -> tuple[Array, Array, flo
     B = 4 * w * d
     held, edge, pulled = nodes <= 0, nodes == 1, nodes >= count - 8
     motion = np.eye(len(nodes))[:, ~held & ~edge & ~pulled]
-    near, far = hung.shares(np.array([gap]))[0]
+    near, far = hung.weights(np.array([gap]))[0]
     motion[np.flatnonzero(edge)[0], :2] = near, far
     u = np.where(pulled, nodes - (1 - gap - hung.soft), 0.0)
     K = B.T @ B
@@ -56,58 +55,58 @@ def test_shares_end_where_an_edge_is_held_or_free() -> None:
     """With no gap an edge that is held at rest fulfils the condition: 1.15 a + 2.15 b = 0."""
     hung = end(1.0)
     assert hung.soft == pytest.approx(0.152, abs=1e-3)
-    near, far = hung.share[0]
+    near, far = hung.table[0]
     assert (1 + hung.soft) * near + (2 + hung.soft) * far == pytest.approx(0, abs=1e-3)
-    assert (np.diff(hung.share[:, 0]) > 0).all()
+    assert (np.diff(hung.table[:, 0]) > 0).all()
 
 
-def pulled(offset: float) -> State:
+def pulled(offset: float, grips: str = "rigid") -> State:
     """A bar at rest between grips that move by SPEED."""
     solver = Solver(cells=CELLS, damping="none", precision="float64")
     s = scene(
         material=Material(law="neo_hookean", E=1e4, nu=0.4),
         fracture=Fracture(onset=8, crit=9),
-        loading=Loading(offset=offset, thickness=0.05, speed=SPEED),
+        loading=Loading(offset=offset, thickness=0.05, speed=SPEED, grips=grips),
         solver=solver,
         capture=Capture(frames=2),
     )
-    return State(s, bar(solver, (0.8, 0.16, 0.16)))
+    return gripped(s, bar(solver, (0.8, 0.16, 0.16)))
 
 
-def held(scene: Scene, state: State) -> tuple[Holding, Array]:
+def held(state: State) -> tuple[Holding, Array]:
     """How the nodes of a state are held, and where they lie [m]."""
-    x = state.layout.positions() * scene.solver.h
-    return holding(scene, state.layout, x), x
+    x = state.grid.layout.positions() * state.medium.h
+    return state.boundary.holding(state.grid.layout, x), x
 
 
 @pytest.mark.parametrize("offset", [0.155, 0.162, 0.17, 0.181, 0.2])
 def test_each_line_of_nodes_has_one_edge_at_each_face(offset: float) -> None:
     """Nodes up to 0.152 h beyond a face are held, the next one is the edge, and the two behind it are its own."""
     state = pulled(offset)
-    hold, x = held(state.scene, state)
+    hold, x = held(state)
     beyond = (np.abs(np.abs(x[:, 0]) - offset) - 0.025) / H
-    assert ((np.abs(hold.owner) == 1) == (beyond <= end(1.0).soft)).all()
+    assert ((np.abs(hold.grip) == 1) == (beyond <= end(1.0).soft)).all()
     lines = len(np.unique(x[:, 1:].round(6), axis=0))
-    first = np.flatnonzero(hold.tied[:, 0] >= 0)
+    first = np.flatnonzero(hold.edge[:, 0] >= 0)
     assert len(first) == 4 * lines
-    for other, step in ((hold.tied[first, 0], -1), (hold.tied[first, 1], 1)):
-        away = np.sign(beyond[first] - beyond[hold.tied[first, 0]])
+    for other, step in ((hold.edge[first, 0], -1), (hold.edge[first, 1], 1)):
+        away = np.sign(beyond[first] - beyond[hold.edge[first, 0]])
         assert (away > 0).all()
         assert np.allclose(np.abs(x[other, 0] - x[first, 0]), H)
         assert np.allclose(beyond[other] - beyond[first], step)
-        assert (np.abs(hold.owner[other]) == TIED).all()
-    everyone = np.concatenate([first, *hold.tied[first].T])
+        assert (np.abs(hold.grip[other]) == IN_EDGE).all()
+    everyone = np.concatenate([first, *hold.edge[first].T])
     assert len(np.unique(everyone)) == len(everyone)
-    assert ((np.abs(hold.owner) == TIED).sum(), (hold.owner[first] == 0).all()) == (8 * lines, True)
+    assert ((np.abs(hold.grip) == IN_EDGE).sum(), (hold.grip[first] == 0).all()) == (8 * lines, True)
 
 
 def test_where_grips_are_too_close_the_nearest_nodes_are_held() -> None:
     """Six cells between the faces: two edges, three planes between them, which would be four."""
     state = pulled(0.15)
-    hold, x = held(state.scene, state)
+    hold, x = held(state)
     inside = np.abs(x[:, 0]) < 0.15
-    assert (hold.tied[inside] == -1).all()
-    assert np.isin(hold.owner[inside], (-1, 0, 1)).all()
+    assert (hold.edge[inside] == -1).all()
+    assert np.isin(hold.grip[inside], (-1, 0, 1)).all()
 
 
 def test_fragments_are_not_tied_to_each_other() -> None:
@@ -115,43 +114,42 @@ def test_fragments_are_not_tied_to_each_other() -> None:
     state = pulled(0.162)
     x0 = state.X0
     label = (x0[:, 0] > 0.162 - 0.025 - 1.2 * H).astype(int)
-    x, moved, fragment = apart(x0, label, H)
+    x, moved, fragment = separate_fragments(x0, label, H)
     grid = layout(x / H, 1, 0)
     at = grid.positions(moved[fragment]) * H
-    hold = holding(state.scene, grid, at)
+    hold = state.boundary.holding(grid, at)
     of = fragment[np.unravel_index(grid.nodes, grid.shape)[0]]
-    first = np.flatnonzero(hold.tied[:, 0] >= 0)
+    first = np.flatnonzero(hold.edge[:, 0] >= 0)
     assert len(first)
-    assert (of[hold.tied[first]] == of[first, None]).all()
+    assert (of[hold.edge[first]] == of[first, None]).all()
 
 
 @pytest.mark.parametrize("grips", ["rigid", "sliding"])
 def test_three_nodes_share_a_motion_and_momentum_is_booked(grips: str) -> None:
     """After a substep from random velocities, edges lag as they should, and the grips' impulses are what is missing
     between the momentum of particles and nodes. Across the axis, sliding grips leave everything alone."""
-    state = pulled(0.162)
-    state.scene.loading.grips = grips
+    state = pulled(0.162, grips)
     rng = np.random.default_rng(0)
     V = rng.normal(size=(state.n, 3))
-    state.V.from_numpy(V)
+    state.points.V.from_numpy(V)
     state.run(1, 1e-9, 0.0)
-    nodes = state.velocity.to_numpy()[state.layout.nodes]
-    hold, _ = held(state.scene, state)
-    first = np.flatnonzero(hold.tied[:, 0] >= 0)
-    edge, second = hold.tied[first].T
+    nodes = state.grid.velocity.to_numpy()[state.grid.layout.nodes]
+    hold, _ = held(state)
+    first = np.flatnonzero(hold.edge[:, 0] >= 0)
+    edge, second = hold.edge[first].T
     v = nodes[:, :3].copy()
     drive = np.zeros((len(first), 3))
-    drive[:, 0] = np.sign(hold.owner[edge]) * SPEED
+    drive[:, 0] = np.sign(hold.grip[edge]) * SPEED
     for three in (first, edge, second):
         v[three] -= drive
     axes = slice(0, 1) if grips == "sliding" else slice(0, 3)
-    shares = hold.share[first]
+    shares = hold.weights[first]
     right = shares[:, :1] * v[first, axes] + shares[:, 1:] * v[second, axes]
     heavy = nodes[edge, 3] > 1e-9
     assert np.allclose(v[edge, axes][heavy], right[heavy], atol=1e-9)
-    mass = state.volume.to_numpy() * state.scene.material.density
+    mass = state.points.volume.to_numpy() * state.medium.material.density
     gained = nodes[:, 3] @ nodes[:, :3] - mass @ V
-    booked = state.booked()
+    booked = state.sums()
     assert gained[0] == pytest.approx(booked[slot.PULL_LOW] + booked[slot.PULL_HIGH], rel=1e-6)
     if grips == "sliding":
         assert np.allclose(gained[1:], 0, atol=1e-6)
@@ -169,6 +167,6 @@ def test_particles_of_a_bar_between_nodes_are_stretched_alike() -> None:
     simulator = Simulator(s, body)
     *_, last = simulator.frames()
     stretch = np.linalg.svd(last.F.astype(float), compute_uv=False)[:, 0]
-    free = (simulator.state.tag < slot.EXEMPT) & (np.abs(simulator.particles.X[:, 0] - 1) < 5 * h)
+    free = ~simulator.state.exempt & (np.abs(simulator.particles.X[:, 0] - 1) < 5 * h)
     nominal = simulator.report.history.nominal_stretch[-1]
     assert stretch[free] == pytest.approx(nominal, rel=0.02)

@@ -5,11 +5,10 @@ import pytest
 
 from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
 from fracsim.mpm import params as slot
-from fracsim.mpm.state import State
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
 
-from .bars import bar, lattice, particles, scene
+from .bars import bar, gripped, lattice, particles, scene
 
 
 def pulled(grips: str = "rigid", form: str = "total", **loading: float) -> Scene:
@@ -30,11 +29,11 @@ def test_rigid_grips_move_exactly_v_t(form: str, axis: float) -> None:
     simulator = Simulator(s, bar(s.solver))
     *_, last = simulator.frames()
     for side in (-1, 1):
-        held = simulator.side == side
+        held = simulator.state.side == side
         moved = last.x[held] - simulator.particles.X[held]
         expected = side * 0.8 * 0.04 * np.asarray(s.loading.axis)
         assert np.abs(moved - expected).max() < 2e-7  # half an ulp of float32 at 1 m, twice
-        u = simulator.state.U.to_numpy()[held]
+        u = simulator.state.points.U.to_numpy()[held]
         assert np.abs(u - expected).max() < 1e-4 * 0.032  # what the device integrated
 
 
@@ -83,7 +82,7 @@ def test_gravity_accelerates_what_is_not_held() -> None:
     *_, last = simulator.frames()
     outer = np.abs(simulator.particles.X[:, 0] - 1) > 0.25
     assert last.v[outer, 1].mean() < -0.05
-    assert simulator.report.books.gravity_work > 0
+    assert simulator.report.tally.gravity_work > 0
 
 
 @pytest.mark.parametrize("form", ["total", "updated"])
@@ -94,11 +93,11 @@ def test_load_does_not_depend_on_the_decay(form: str) -> None:
         s = pulled(form=form, speed=1e-9)
         s.solver.damping, s.material.decay, s.solver.precision = "physical", decay, "float64"
         s.solver.pressure = "particle"  # a stretch that jumps within a cell is put in by hand
-        state = State(s, bar(s.solver))
+        state = gripped(s, bar(s.solver))
         stretch = np.where(np.abs(state.X0[:, 0]) < s.loading.offset, 1.2, 1.0)
-        state.F.from_numpy(np.eye(3) * np.stack([stretch, np.ones(state.n), np.ones(state.n)], axis=1)[:, None])
+        state.points.F.from_numpy(np.eye(3) * np.stack([stretch, np.ones(state.n), np.ones(state.n)], axis=1)[:, None])
         state.run(1, 1e-4, 0.0)
-        impulses.append(state.booked()[slot.PULL_HIGH])
+        impulses.append(state.sums()[slot.PULL_HIGH])
     # P = 6960 Pa with held sides, A = 0.04 m^2; tau in place of P where particles have not moved.
     # 2 %: from rest, part of the pull of the particles beside the grip goes into nodes beyond.
     assert impulses[0] == pytest.approx(0.0278 * (1.2 if form == "updated" else 1), rel=0.02)

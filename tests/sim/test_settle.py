@@ -55,7 +55,7 @@ def test_nothing_left_is_settled() -> None:
     simulator = pulled("settled")
     frames = simulator.frames()
     next(frames)
-    simulator.state.D.from_numpy(np.ones(simulator.state.n, np.float32))
+    simulator.state.points.D.from_numpy(np.ones(simulator.state.n, np.float32))
     for _ in frames:
         pass
     assert simulator.report.settled_frame == 2  # parted in frame 1

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from fracsim import Material, Solver
-from fracsim.lab.stage import Stage, advance, elastic, flat, kinetic, lattice, particles, put, scene
+from fracsim.lab.stage import advance, clamped, elastic, flat, kinetic, lattice, medium, particles, put
 from fracsim.mpm import params as slot
+from fracsim.mpm.state import State
 from fracsim.records import Array
 
 MU, DENSITY, CELLS, LENGTH = 5e3, 200.0, 100, 0.9
 """Shear modulus [Pa], density [kg/m^3], cells in 2 m, length of the row beside the wall [m]."""
 
 
-def thrown(stretch: float, safety: float) -> tuple[Stage, float]:
+def thrown(stretch: float, safety: float) -> tuple[State, float]:
     """A row of particles, kept straight, that flies at a wall as fast as it takes to be compressed to `stretch`.
 
     Neo-Hookean with nu = 0: P = mu (l - 1 / l), and a shock from rest to l that stops v leaves
@@ -21,16 +22,16 @@ def thrown(stretch: float, safety: float) -> tuple[Stage, float]:
     solver = Solver(cells=CELLS, damping="none", precision="float64", safety=safety)
     X = lattice((1.0, solver.spacing, solver.spacing), solver.spacing) - np.float32([0.1, 0, 0])
     material = Material(law="neo_hookean", E=2 * MU, nu=0.0, density=DENSITY, viscosity=0.0, decay=0.0)
-    state = Stage(scene(solver, material, X), particles(X, solver.spacing), wall=0.5)
+    state = clamped(medium(solver, material), particles(X, solver.spacing), wall=0.5)
     v = np.sqrt(MU * (1 / stretch - stretch) * (1 - stretch) / DENSITY)
-    put(state, V=np.where(state.label.to_numpy()[:, None] == slot.FREE, -v, 0) * [1, 0, 0])
+    put(state, V=np.where(state.points.tag.to_numpy()[:, None] == slot.FREE, -v, 0) * [1, 0, 0])
     return state, v
 
 
-def stretches(state: Stage) -> Array:
+def stretches(state: State) -> Array:
     """Stretch along the row from the wall on, (N,)."""
-    free = np.flatnonzero(state.label.to_numpy() == slot.FREE)
-    out: Array = state.F.to_numpy()[free[np.argsort(state.X0[free, 0])], 0, 0]
+    free = np.flatnonzero(state.points.tag.to_numpy() == slot.FREE)
+    out: Array = state.points.F.to_numpy()[free[np.argsort(state.X0[free, 0])], 0, 0]
     return out
 
 
@@ -49,7 +50,7 @@ def test_a_shock_leaves_what_the_jump_conditions_say(stretch: float, safety: flo
     assert behind.mean() == pytest.approx(stretch, rel=0.02)
     assert behind.std() < 0.15 * stretch
     assert l.min() > stretch / 2
-    kept = kinetic(state) + elastic(state) + float(state.booked()[slot.VISCOUS] + state.booked()[slot.PROJECTED])
+    kept = kinetic(state) + elastic(state) + float(state.sums()[slot.VISCOUS] + state.sums()[slot.PROJECTED])
     assert kept == pytest.approx(before, rel=0.02)
 
 
@@ -59,4 +60,4 @@ def test_a_smooth_compression_meets_no_friction_to_speak_of() -> None:
     put(state, V=np.minimum(0, -v * (state.X0[:, :1] + 0.5) / LENGTH) * [1, 0, 0])
     before = kinetic(state)
     advance(state, 0.2 * LENGTH / np.sqrt(2 * MU / DENSITY), before=flat(state, (1, 2)))
-    assert float(state.booked()[slot.VISCOUS]) < 1e-3 * before
+    assert float(state.sums()[slot.VISCOUS]) < 1e-3 * before

@@ -10,11 +10,12 @@ from fracsim.asset.build import build
 from fracsim.fuzz.bodies import Body
 from fracsim.fuzz.bodies import build as build_body
 from fracsim.mpm.energy import kinetic
-from fracsim.mpm.layout import apart, layout
+from fracsim.mpm.layout import layout, separate_fragments
 from fracsim.mpm.state import State
 from fracsim.records import Particles
-from fracsim.solve.failed import Ride
-from fracsim.solve.fragments import Cohesion
+from fracsim.solve.bonds import Bonds
+from fracsim.solve.failed import FollowIntact
+from fracsim.solve.fragments import judge
 from fracsim.solve.simulator import Simulator
 from fracsim.verify import closed_form
 from fracsim.verify.problems import notch as notch_problem
@@ -98,15 +99,15 @@ def test_fragments_do_not_tie_each_other() -> None:
     state = free(s, body)
     side = np.sign(state.X0[:, 0] - H / 4)
     failed = np.abs(state.X0[:, 0] - H / 4) < H / 8
-    state.D.from_numpy(failed.astype(float))
-    state.V.from_numpy(np.stack([side, 0 * side, 0 * side], axis=1))
-    label = Cohesion(body.X, body.spacing, H, side.astype(int)).fragments(failed)
+    state.points.D.from_numpy(failed.astype(float))
+    state.points.V.from_numpy(np.stack([side, 0 * side, 0 * side], axis=1))
+    label = Bonds(body.X, body.spacing, H).fragments(failed)
     assert set(label[~failed]) == {0, 1}
     state.split(label)
     state.run(50, 5e-4, 0.0)
     intact = ~failed
-    assert np.abs(state.F.to_numpy()[intact] - np.eye(3)).max() < 1e-10
-    assert np.abs(state.U.to_numpy()[intact, 0] - 0.025 * side[intact]).max() < 1e-10
+    assert np.abs(state.points.F.to_numpy()[intact] - np.eye(3)).max() < 1e-10
+    assert np.abs(state.points.U.to_numpy()[intact, 0] - 0.025 * side[intact]).max() < 1e-10
 
 
 DUCK = Path(__file__).parents[3] / "shared" / "data" / "Duck.glb"
@@ -137,7 +138,7 @@ def test_thresholds_beyond_the_pull_leave_the_duck_whole(form: str) -> None:
         assert any("numerically torn" in w for w in report["warnings"])
 
 
-def test_failed_particles_ride_with_one_side() -> None:
+def test_failed_particles_follow_one_side() -> None:
     """Two halves moved apart rigidly: a failed particle moves exactly as the half that it is nearest to."""
     X = lattice((0.4, 0.1, 0.1), 0.02)
     side = np.where(X[:, 0] < 1, -1.0, 1.0)
@@ -147,25 +148,25 @@ def test_failed_particles_ride_with_one_side() -> None:
     failed = np.abs(X[:, 0] - 1) < 0.035
     expected = x.copy()
     x[failed] = 0
-    Ride(X, 0.04)(x, v, F, failed, np.zeros(len(X), int))
+    FollowIntact(X, 0.04)(x, v, F, failed, np.zeros(len(X), int))
     assert np.abs(x - expected).max() < 1e-5
     assert np.allclose(v[failed, 0], side[failed])
 
 
-def test_cohesion_tells_damage_from_the_grid() -> None:
+def test_bonds_tell_damage_from_the_grid() -> None:
     """Halves that drift apart: broken when a layer between them failed, torn when F knows nothing of the gap."""
     X = lattice((0.4, 0.08, 0.08), 0.02)
     side = (X[:, 0] > 1.15).astype(int) - (X[:, 0] < 0.85)
-    cohesion = Cohesion(X, 0.02, 0.04, side)
+    bonds = Bonds(X, 0.02, 0.04)
     F = np.tile(np.eye(3, dtype=np.float32), (len(X), 1, 1))
     none = np.zeros(len(X), bool)
     apart = X + np.float32([0.1, 0, 0]) * np.sign(X[:, :1] - 1)
-    assert cohesion.judge(X, F, none) == "whole"
-    assert cohesion.judge(apart, F, none) == "torn"
-    assert cohesion.judge(apart, F, np.abs(X[:, 0] - 1) < 0.025) == "broken"
+    assert judge(bonds, side, X, F, none) == "whole"
+    assert judge(bonds, side, apart, F, none) == "torn"
+    assert judge(bonds, side, apart, F, np.abs(X[:, 0] - 1) < 0.025) == "broken"
     stretched = X.copy()
     stretched[:, 0] = 1 + 4 * (X[:, 0] - 1)
-    assert cohesion.judge(stretched, F * np.float32([4, 1, 1]), none) == "whole"
+    assert judge(bonds, side, stretched, F * np.float32([4, 1, 1]), none) == "whole"
 
 
 def test_particles_record_checks_its_shapes() -> None:
@@ -185,11 +186,11 @@ def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
         capture=Capture(frames=1),
     )
     state = free(s, bar(s.solver))
-    state.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)) + [0.3, 0.2, 0.1])
+    state.points.V.from_numpy(np.random.default_rng(0).normal(size=(state.n, 3)) + [0.3, 0.2, 0.1])
     state.run(20, 1e-5, 0.0)
 
     def total(state: State) -> np.ndarray:
-        v = state.velocity.to_numpy()
+        v = state.grid.velocity.to_numpy()
         return np.append(v[:, 3] @ v[:, :3], kinetic(state).sum())
 
     before = total(state)
@@ -210,7 +211,7 @@ def test_fragments_lie_aside_in_their_own_planes_although_positions_are_rounded(
     face = h * (rng.integers(-40, 40, 2000) + 0.5)
     x = np.stack([face + rng.choice([-1e-8, 0, 1e-8], 2000), *rng.normal(size=(2, 2000))], axis=1).astype(np.float32)
     label = rng.integers(0, 5, 2000)
-    out, moved, fragment = apart(x, label, h)
+    out, moved, fragment = separate_fragments(x, label, h)
     cell, now = (np.floor(y[:, 0] / h - 0.5).astype(int) for y in (x, out))
     assert (now == cell + moved[label]).all()
     laid = layout(out / h, 1, 0)
@@ -226,10 +227,10 @@ def test_fragments_that_are_held_outlast_larger_crumbs() -> None:
     along = simulator.particles.X[:, 0].argsort()
     d = np.zeros(36, simulator.state.dtype)
     d[along[[-3, -8]]] = 1
-    simulator.state.D.from_numpy(d)
-    simulator._part()
-    assert simulator.fragment[along].tolist() == [0] * 28 + [-1] * 6 + [1] * 2
-    assert (simulator.state.D.to_numpy()[along[-8:-2]] == 1).all()
+    simulator.state.points.D.from_numpy(d)
+    simulator.fragments.update()
+    assert simulator.fragments.of[along].tolist() == [0] * 28 + [-1] * 6 + [1] * 2
+    assert (simulator.state.points.D.to_numpy()[along[-8:-2]] == 1).all()
 
 
 def test_a_bar_that_the_grid_parts_recoils_onto_nodes_in_use() -> None:
@@ -260,6 +261,6 @@ def test_an_object_of_which_nothing_is_left_is_broken() -> None:
     simulator = Simulator(s, bar(s.solver))
     frames = simulator.frames()
     next(frames)
-    simulator.state.D.from_numpy(np.ones(simulator.state.n, np.float32))
+    simulator.state.points.D.from_numpy(np.ones(simulator.state.n, np.float32))
     assert [frame.failed.all() for frame in frames] == [True, True]
     assert simulator.report.break_frame == 1

@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from fracsim.mpm.bspline import stencil, weights
-from fracsim.mpm.survey import rotations
+from fracsim.render.rotations import rotations
 from fracsim.tensor import cofactor, max_stretch, principal_stretches, rotation
 
 from .test_constitutive import random_F

@@ -10,7 +10,9 @@ from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
 from fracsim.scene.vocab import DT0
-from fracsim.solve.simulator import SimulationError, Simulator, ready
+from fracsim.solve.march import SimulationError
+from fracsim.solve.setup import medium, ready
+from fracsim.solve.simulator import Simulator
 
 from .bars import bar, free, particles, scene
 
@@ -26,21 +28,19 @@ def setting(dt: float | str = "auto", viscosity: float = 0.0, form: str = "total
 
 
 def single(scene: Scene, X: np.ndarray) -> State:
-    """One free particle; two more, far enough away, stand in the grips."""
-    body = particles(np.concatenate([X, X + np.float32([0.4, 0, 0]), X - np.float32([0.4, 0, 0])]), 0.02)
-    scene.loading = Loading(offset=0.4, thickness=0.05)
-    return free(scene, body)
+    """One free particle."""
+    return free(scene, particles(X, 0.02))
 
 
 def blows_up(state: State, dt: float) -> bool:
-    state.F.from_numpy(np.tile((1 + 1e-6) * np.eye(3), (state.n, 1, 1)))
+    state.points.F.from_numpy(np.tile((1 + 1e-6) * np.eye(3), (state.n, 1, 1)))
     state.run(400, dt, 0.0)
-    return not np.abs(state.F.to_numpy()[0] - np.eye(3)).max() < 1e-4
+    return not np.abs(state.points.F.to_numpy()[0] - np.eye(3)).max() < 1e-4
 
 
 @pytest.mark.parametrize("viscosity", [0.0, 10.0])
 def test_bound_is_where_an_isolated_particle_blows_up(viscosity: float) -> None:
-    bound = stable_at_rest(setting(viscosity=viscosity))
+    bound = stable_at_rest(medium(setting(viscosity=viscosity)))
     X = np.float32([[1.003, 1.005, 0.998]])
     assert not blows_up(single(setting(viscosity=viscosity), X), 0.97 * bound)
     assert blows_up(single(setting(viscosity=viscosity), X), 1.03 * bound)
@@ -54,15 +54,15 @@ def test_auto_dt_lands_on_frames_and_respects_the_bound() -> None:
     h = simulator.report.history
     assert times == pytest.approx([0, 0.01, 0.02])
     assert h.dt_t[-1] == pytest.approx(0.02, rel=1e-9)
-    assert max(h.dt) <= 0.8 * stable_at_rest(s) * (1 + 1e-9)
+    assert max(h.dt) <= 0.8 * stable_at_rest(medium(s)) * (1 + 1e-9)
 
 
 def test_fixed_dt_beyond_the_bound_is_refused_with_the_bound() -> None:
     s = setting(dt=0.01)
     with pytest.raises(ValueError, match=r"solver\.dt=0\.01 s exceeds the stability bound .*E=10000, nu=0\.4"):
-        require_stable(s)
-    assert "exceeds" in require_stable(setting(dt=0.01, dt_override=True))
-    assert require_stable(setting(dt=1e-4)) == ""
+        require_stable(medium(s))
+    assert "exceeds" in require_stable(medium(setting(dt=0.01, dt_override=True)))
+    assert require_stable(medium(setting(dt=1e-4))) == ""
 
 
 def test_blow_up_stops_the_run_and_names_the_particle() -> None:
@@ -79,33 +79,33 @@ def test_a_particle_that_is_too_fast_keeps_the_speed_that_the_message_tells() ->
     s.loading = Loading(offset=0.15, thickness=0.05, speed=0.5)
     body = bar(s.solver)
     state = free(s, body)
-    state.F.from_numpy(np.tile(np.diag([2.0, 1.0, 1.0]), (state.n, 1, 1)))
+    state.points.F.from_numpy(np.tile(np.diag([2.0, 1.0, 1.0]), (state.n, 1, 1)))
     state.run(16, 1e-3, 0.0)
     kind, p, _ = state.fault()
     assert kind == slot.SPEED_FAULT
-    assert np.linalg.norm(state.V.to_numpy()[p]) > 1.0
+    assert np.linalg.norm(state.points.V.to_numpy()[p]) > 1.0
 
 
 def test_physical_damping_does_not_depend_on_dt_and_the_papers_factors_do() -> None:
     s = setting(viscosity=44.444444)
     s.material.decay = 5.0012504
-    assert damping(s, 1e-4).viscosity == damping(s, 2e-4).viscosity == s.material.viscosity
-    assert damping(s, 2e-4).keep == pytest.approx(damping(s, 1e-4).keep ** 2)
+    assert damping(medium(s), 1e-4).viscosity == damping(medium(s), 2e-4).viscosity == s.material.viscosity
+    assert damping(medium(s), 2e-4).keep == pytest.approx(damping(medium(s), 1e-4).keep ** 2)
     s.solver.damping = "per_substep"
     # r = 4 dt (2 eta) / (density h^2) is 0.5 again, whatever dt and h are.
     for dt in (DT0, 3 * DT0):
-        r = 4 * dt * damping(s, dt).viscosity / (200 * s.solver.h**2)
+        r = 4 * dt * damping(medium(s), dt).viscosity / (200 * s.solver.h**2)
         assert r == pytest.approx(0.5, rel=1e-6)
-        assert damping(s, dt).keep == pytest.approx(0.9995, rel=1e-8)
+        assert damping(medium(s), dt).keep == pytest.approx(0.9995, rel=1e-8)
     s.solver.damping = "none"
-    assert damping(s, DT0).viscosity == 0
-    assert damping(s, DT0).keep == 1
+    assert damping(medium(s), DT0).viscosity == 0
+    assert damping(medium(s), DT0).keep == 1
 
 
 def test_a_fixed_dt_that_stretch_makes_too_long_is_told() -> None:
     """Stable at rest, but the bound of a neo-Hookean solid falls as it gets thinner."""
     s = setting()
-    s.solver.dt = 0.97 * stable_at_rest(s)
+    s.solver.dt = 0.97 * stable_at_rest(medium(s))
     s.loading = Loading(offset=0.15, thickness=0.05, speed=2.0)
     s.capture = Capture(frames=12)
     simulator = Simulator(s, bar(s.solver))
@@ -119,7 +119,7 @@ def test_the_bound_sees_damage() -> None:
     s = setting()
     state = free(s, bar(s.solver))
     whole = state.survey().stiffness
-    state.D.from_numpy(np.full(state.n, 0.75))
+    state.points.D.from_numpy(np.full(state.n, 0.75))
     assert state.survey().stiffness == pytest.approx(whole / 4)
 
 

@@ -7,7 +7,6 @@ import taichi as ti
 from fracsim import Material, Solver
 from fracsim.mpm.bspline import weights
 from fracsim.mpm.kernels import types
-from fracsim.mpm.state import State
 from fracsim.mpm.transfer import PAD, Grid, sum_in_registers, sum_on_pad
 
 from . import bars
@@ -17,11 +16,11 @@ Vector4, Scalars = types(ti.f64)["vector4"], ti.types.ndarray(dtype=ti.f64, ndim
 
 
 @ti.kernel
-def gather_both(sx: ti.i32, sy: ti.i32, sz: ti.i32, blank: ti.f64, velocity: Vector4, pad: Vector4, out: Scalars):
+def gather_both(sx: ti.i32, sy: ti.i32, sz: ti.i32, zero: ti.f64, velocity: Vector4, pad: Vector4, out: Scalars):
     wx, wy, wz = weights(ti.f64(0.6)), weights(ti.f64(1.1)), weights(ti.f64(1.4))
     for _ in range(1):
-        a = sum_in_registers(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, blank, False)), 1, wx, wy, wz, ti.f64)
-        b = sum_on_pad(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, blank, False)), 0, 1, wx, wy, wz)
+        a = sum_in_registers(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, zero, False)), 1, wx, wy, wz, ti.f64)
+        b = sum_on_pad(ti.static(Grid(sx, sy, sz, velocity, velocity, pad, zero, False)), 0, 1, wx, wy, wz)
         for i, j in ti.static(ti.ndrange(4, 3)):
             out[0, i, j], out[1, i, j] = a[i, j], b[i, j]
 
@@ -48,10 +47,11 @@ def test_every_drive_gives_the_same_motion(formulation: str, pressure: str, visc
     V = rng.normal(size=(len(body), 3))
     for drive, chunks in (("serial", 1), ("threads", 3), ("gpu", 1)):
         state = bars.driven(scene, body, drive, chunks)
-        assert (state.tied.to_numpy() >= 0).any() == state.total
-        state.V.from_numpy(V)
+        assert (state.grid.edge.to_numpy() >= 0).any() == state.total
+        state.points.V.from_numpy(V)
         state.run(20, 2e-4, 0.0)
-        moved[drive] = np.concatenate([state.U.to_numpy().ravel(), state.F.to_numpy().ravel(), state.booked()])
+        arrays = state.points.U.to_numpy(), state.points.F.to_numpy(), state.sums()
+        moved[drive] = np.concatenate([a.ravel() for a in arrays])
     assert np.abs(moved["serial"]).max() > 1e-3
     for drive in ("threads", "gpu"):
         assert np.allclose(moved[drive], moved["serial"], rtol=1e-9, atol=1e-12), drive
@@ -60,14 +60,14 @@ def test_every_drive_gives_the_same_motion(formulation: str, pressure: str, visc
 def test_a_grid_laid_anew_takes_the_memory_of_the_last_one() -> None:
     """Taichi keeps the memory of arrays that are gone: a falling object took more and more until it was killed."""
     solver = Solver(formulation="updated", cells=40)
-    state = State(bars.scene(solver=solver), bars.bar(solver, (0.6, 0.2, 0.1)))
-    arrays = state.velocity, state.copies
+    state = bars.gripped(bars.scene(solver=solver), bars.bar(solver, (0.6, 0.2, 0.1)))
+    arrays = state.grid.velocity, state.grid.momentum
     for _ in range(3):
         state.run(2, 1e-4, 0.0)
-        state.relayout(state.X0 + state.U.to_numpy())
-        assert (state.velocity, state.copies) == arrays
+        state.relayout(state.X0 + state.points.U.to_numpy())
+        assert (state.grid.velocity, state.grid.momentum) == arrays
     state.relayout(2 * state.X0)
-    assert state.velocity.shape[0] >= 2 * arrays[0].shape[0]
+    assert state.grid.velocity.shape[0] >= 2 * arrays[0].shape[0]
 
 
 @pytest.mark.parametrize(("drive", "chunks"), [("serial", 1), ("threads", 3), ("gpu", 1)])
@@ -80,9 +80,9 @@ def test_a_call_stops_by_itself_where_a_substep_has_become_too_long(drive: str, 
 
     def moved(n: int, turn: float) -> tuple[int, np.ndarray]:
         state = bars.driven(scene, body, drive, chunks)
-        state.V.from_numpy(V)
+        state.points.V.from_numpy(V)
         made = state.run(n, 5e-4, 0.0, turn)
-        arrays = (state.U, state.V, state.C, state.H, state.velocity)
+        arrays = (*state.points.changing(), state.grid.velocity)
         return made, np.concatenate([a.to_numpy().ravel() for a in arrays])
 
     made, early = moved(40, 1e-9)

@@ -38,4 +38,5 @@ def _counts(spacing: float) -> list[int]:
 
 def velocity(X: Array) -> Array:
     """Velocities at t = 0 [m/s], (N, 3) float32."""
-    return ((X - np.asarray(CENTRE)) @ SPIN.T).astype(np.float32)
+    v: Array = ((X - np.asarray(CENTRE)) @ SPIN.T).astype(np.float32)
+    return v

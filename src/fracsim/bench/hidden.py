@@ -9,46 +9,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from fracsim.bench.record import Row
-from fracsim.camera import TILE
+from fracsim.bench.shown import composite
 from fracsim.records import Array, Frame, Particles
-from fracsim.render.composite import ALPHA_CAP, STOP, pixels
 from fracsim.render.film import Film, Picture
-from fracsim.render.project import LOG_FLOOR
 from fracsim.scene.vocab import Scene
 from fracsim.solve.simulator import Simulator
 
 PHASES = {8: "unbroken", 16: "tearing", 40: "broken"}
 """Frames of the default loaf, which parts at frame 18."""
 REPEATS = 15
-
-
-@ti.kernel
-def composite(
-    starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [tiles + 1]
-    entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [P]
-    ellipse: ti.types.ndarray(dtype=ti.types.vector(8, ti.f32), ndim=1),  # [N]
-    transmittance: ti.types.ndarray(dtype=ti.f32, ndim=2),  # [H, W] in: one; out: 0 where done
-    shows: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] in: 0; out: 1 where a Gaussian takes light from a pixel
-):
-    """The loop of `fracsim.render.composite` over whole tiles, with nothing to add up."""
-    columns = transmittance.shape[1] // TILE
-    for tile in range(starts.shape[0] - 1):
-        top, left = tile // columns * TILE, tile % columns * TILE
-        for k in range(starts[tile], starts[tile + 1]):
-            g = entries[k]
-            x, y, a, b, c, peak, half_x, half_y = ellipse[g]
-            top_g, bottom_g = pixels(y - half_y, y + half_y, top, top + TILE)
-            left_g, right_g = pixels(x - half_x, x + half_x, left, left + TILE)
-            for row, column in ti.ndrange((top_g, bottom_g), (left_g, right_g)):
-                u, v, T = column + 0.5 - x, row + 0.5 - y, transmittance[row, column]
-                q = peak + c * v * v + (a * u + b * v) * u
-                if T > 0 and q >= LOG_FLOOR:
-                    T *= 1 - ti.min(ti.exp(q), ALPHA_CAP)
-                    transmittance[row, column] = ti.select(T < STOP, 0.0, T)
-                    shows[g] = 1
 
 
 def showing(film: Film, n: int) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fracsim.bench.scenes import compile_kernels
 from fracsim.scene.vocab import Fracture, Material, Solver
-from fracsim.solve.simulator import SimulationError
+from fracsim.solve.march import SimulationError
 from fracsim.verify import pull
 from fracsim.verify.closed_form import softening
 from fracsim.verify.problem import Setting

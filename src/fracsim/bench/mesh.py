@@ -54,7 +54,7 @@ def parting(law: str, nu: float, fracture: Fracture, speed: float, cells: int, s
         left -= simulator.report.parted
         if not left:
             break
-    failed = simulator.state.D.to_numpy() >= 1
+    failed = simulator.state.points.D.to_numpy() >= 1
     area = float(simulator.report.volume[failed].sum()) / solver.h
     planes = len(np.unique(np.round(simulator.particles.X[failed, 0] / gap * 4)))
     at = simulator.report.break_frame

@@ -4,9 +4,9 @@ import numpy as np
 
 from fracsim.bench import bar
 from fracsim.mpm.layout import order
-from fracsim.mpm.state import State
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import CENTRE, Backend, Scene, Solver
+from fracsim.solve import setup
 
 
 class Ours:
@@ -16,8 +16,8 @@ class Ours:
         solver = Solver(cells=cells, pressure=pressure, damping="per_substep")
         scene = Scene(material=bar.material(law), solver=solver, backend=Backend(threads=threads))
         by = order((X - np.asarray(CENTRE)) / solver.h)
-        self.state = State(scene, particles(X[by], solver.spacing))
-        self.state.V.from_numpy(v[by])
+        self.state = setup.state(scene, particles(X[by], solver.spacing))
+        self.state.points.V.from_numpy(v[by])
 
     def __len__(self) -> int:
         return self.state.n

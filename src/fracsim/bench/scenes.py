@@ -12,7 +12,8 @@ from fracsim.records import Array
 from fracsim.render.film import Film
 from fracsim.scene.program import compose
 from fracsim.scene.vocab import Scene
-from fracsim.solve.simulator import SimulationError, Simulator
+from fracsim.solve.march import SimulationError
+from fracsim.solve.simulator import Simulator
 
 HALF = ("asset.size=0.3", "loading.offset=0.1", "loading.thickness=0.04", "capture.fps=300", "camera.width=128",
         "camera.height=128", "capture.rgb=false", "capture.maps=[stress,damage]", "backend.threads=1")  # fmt: skip

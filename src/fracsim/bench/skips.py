@@ -14,51 +14,19 @@ from fracsim import backend
 from fracsim.asset.build import build
 from fracsim.bench import hidden
 from fracsim.bench.record import Row
-from fracsim.lab.stage import driven, lattice, particles
-from fracsim.mpm.kernels import types
+from fracsim.bench.tensors import by_invariants, by_svd, stretch_always, stretch_near_onset
+from fracsim.lab.stage import lattice, particles
+from fracsim.mpm.drive import Drive
+from fracsim.mpm.state import State
 from fracsim.render.film import Film
 from fracsim.scene.program import compose
 from fracsim.scene.vocab import Scene, Solver
+from fracsim.solve import setup
 from fracsim.solve.simulator import Simulator
-from fracsim.tensor import cofactor, max_stretch, principal_stretches, rotation
 
 SCENE = ("backend.threads=1", "capture.rgb=true")
 STILL = 1e-3
 """A particle is at rest below this part of the grips' speed."""
-Matrices, Scalars = types(ti.f32)["matrix"], types(ti.f32)["scalar"]
-
-
-@ti.kernel
-def by_svd(F: Matrices, out: Scalars):
-    """|F - R|^2 with R from an SVD."""
-    ti.loop_config(serialize=True)
-    for p in range(F.shape[0]):
-        U, _s, V = ti.svd(F[p])
-        out[p] = (F[p] - U @ V.transpose()).norm_sqr()
-
-
-@ti.kernel
-def by_invariants(F: Matrices, out: Scalars):
-    """|F - R|^2 with R in closed form."""
-    ti.loop_config(serialize=True)
-    for p in range(F.shape[0]):
-        out[p] = (F[p] - rotation(F[p], cofactor(F[p]))).norm_sqr()
-
-
-@ti.kernel
-def stretch_always(F: Matrices, out: Scalars):
-    """The largest stretch of each particle."""
-    ti.loop_config(serialize=True)
-    for p in range(F.shape[0]):
-        out[p] = principal_stretches(F[p])[0]
-
-
-@ti.kernel
-def stretch_near_onset(F: Matrices, out: Scalars):
-    """The largest stretch where it can be beyond lambda_onset."""
-    ti.loop_config(serialize=True)
-    for p in range(F.shape[0]):
-        out[p] = max_stretch(F[p], F[p].determinant(), 1.5)
 
 
 def seconds(work: Callable[[], Any], repeats: int = 5) -> float:
@@ -94,26 +62,27 @@ def tensors(n: int) -> Iterator[Row]:
 def substeps(simulator: Simulator) -> Iterator[Row]:
     """Nodes, the look at the stability bound, and failed particles."""
     state, scene = simulator.state, simulator.scene
-    yield from pair("nodes a substep visits", "nodes", scene.solver.cells**3, len(state.layout.nodes))
+    yield from pair("nodes a substep visits", "nodes", scene.solver.cells**3, len(state.grid.layout.nodes))
     one = seconds(lambda: state.run(16, 1e-5, 0.0)) / 16
     yield Row("look at the stability bound", "part of a round of 16 substeps",
               seconds(state.survey) / (16 * one), "1")  # fmt: skip
     failed = np.zeros(state.n)
     failed[: state.n // 3] = 1
-    state.D.from_numpy(failed.astype(np.float32))
+    state.points.D.from_numpy(failed.astype(np.float32))
     yield from pair("a third of the particles failed", "s/substep", one, seconds(lambda: state.run(16, 1e-5, 0.0)) / 16)
-    state.D.from_numpy(np.zeros(state.n, np.float32))
+    state.points.D.from_numpy(np.zeros(state.n, np.float32))
 
 
 def launches() -> Iterator[Row]:
     """What a substep costs when it has next to nothing to do."""
     solver = Solver(cells=24)
     body = particles(lattice((0.4, 0.1, 0.1), solver.spacing), solver.spacing)
-    for drive, chunks, name in (
+    for drive, threads, name in (
         ("threads", 2, "a launch a substep, two threads"),
         ("serial", 1, "one launch, one thread"),
     ):
-        state = driven(Scene(solver=solver), body, drive, chunks)
+        scene = Scene(solver=solver)
+        state = State(setup.medium(scene), body, setup.grips(scene), Drive(drive, threads))
         spent = seconds(lambda state=state: state.run(400, 1e-5, 0.0)) / 400  # type: ignore[misc]
         yield Row(f"substep of {state.n} particles", name, 1e6 * spent, "us")
 

@@ -46,7 +46,7 @@ def solid(n: int) -> tuple[Particles, Frame]:
     particles = Particles(
         X=(P + CENTRE).astype(np.float32),
         volume=np.full(n, spacing**3, np.float32),
-        covariance=np.tile(np.float32([1, 0, 0, 1, 0, 1]) * np.float32(0.36 * spacing**2), (n, 1)),
+        covariance=np.tile(np.array([1, 0, 0, 1, 0, 1], np.float32) * np.float32(0.36 * spacing**2), (n, 1)),
         opacity=np.full(n, 0.98, np.float32),
         sh=np.repeat((P / AXES)[:, None, :], 1, axis=1).astype(np.float32),
         surface=np.zeros(n, bool),
@@ -79,8 +79,8 @@ def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
     def splat(splatter: Splatter, features: Array) -> Callable[[], object]:
         return lambda: splatter.render(frame.x, particles.covariance, frame.F, particles.opacity, features)
 
-    features = np.random.default_rng(0).random((n, film.channels), np.float32)
-    out = {
+    features = np.random.default_rng(0).random((n, film.channels), dtype=np.float32)
+    out: dict[str, Callable[[], object]] = {
         "rgb": splat(Splatter(film.view, 3), np.ascontiguousarray(features[:, :3])),
         "maps": splat(Splatter(film.view, film.channels), features),
         "film": lambda: film.shoot(frame, particles),

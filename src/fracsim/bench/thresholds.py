@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from fracsim import backend
 from fracsim.bench.record import Row
 from fracsim.scene.vocab import Backend, Fracture, Material, Solver
-from fracsim.solve.simulator import SimulationError
+from fracsim.solve.march import SimulationError
 from fracsim.verify.closed_form import softening
 from fracsim.verify.pull import Bar, over_gauge, simulator, until_parted
 

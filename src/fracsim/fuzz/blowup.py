@@ -9,17 +9,18 @@ import numpy as np
 from rich.table import Table
 
 from fracsim import registry
-from fracsim.lab.stage import free, lattice, ordered, particles
+from fracsim.lab.stage import free, lattice, medium, ordered, particles
+from fracsim.mpm.drive import Drive
+from fracsim.mpm.grips import Grips
+from fracsim.mpm.medium import Medium
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import stable
 from fracsim.records import Array, Particles
-from fracsim.scene.vocab import CENTRE, Backend, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.scene.vocab import CENTRE, Fracture, Material, Solver
 
 CELLS, E, DENSITY = 50, 1e4, 200.0
 STEPS, GROWN, NUDGE = 600, 1e-3, 1e-6
 """A perturbation of size NUDGE has grown when it is larger than GROWN after STEPS."""
-ASIDE = 2
-"""The last two particles stand far away, since grips must hold something; in a bar they are in a corner."""
 RESOLVED = 1.003
 """Bisection ends at this ratio of a substep that blows up to one that does not."""
 TIGHT = 1.15
@@ -68,9 +69,8 @@ class Row:
 
 def measure(setting: Setting) -> Row:
     """Bisect the blow-up of a setting; the smallest substep that was seen to blow up."""
-    scene = _scene(setting)
-    state, F = _prepare(setting, scene)
-    bound = stable(scene, _stiffness(state, F))
+    state, F = _prepare(setting)
+    bound = stable(state.medium, _stiffness(state, F))
     low, high = 0.5 * bound, 4 * bound
     while high / low > RESOLVED:
         middle = math.sqrt(low * high)
@@ -78,45 +78,38 @@ def measure(setting: Setting) -> Row:
     return Row(setting, bound, high)
 
 
-def _scene(setting: Setting) -> Scene:
-    """A scene in float64 whose grips hardly move."""
+def _medium(setting: Setting) -> Medium:
+    """The medium of a setting, in float64."""
     solver = Solver(cells=CELLS, precision="float64", formulation=setting.formulation)
     plain = Material(law=setting.law, E=E, nu=setting.nu, density=DENSITY)
     dt = solver.h * math.sqrt(DENSITY / (3 * plain.lam + 2 * plain.mu))
     viscosity = setting.rpic * DENSITY * solver.h**2 / (4 * dt)
-    return Scene(
-        material=Material(law=setting.law, E=E, nu=setting.nu, density=DENSITY, viscosity=viscosity),
-        fracture=Fracture(onset=8, crit=9),
-        loading=Loading(offset=0.4, thickness=0.05, speed=1e-12),
-        solver=solver,
-        capture=Capture(frames=1),
-        backend=Backend(threads=1),
-    )
+    return medium(solver, replace(plain, viscosity=viscosity), Fracture(onset=8, crit=9))
 
 
-def _prepare(setting: Setting, scene: Scene) -> tuple[State, Array]:
+def _prepare(setting: Setting) -> tuple[State, Array]:
     """A state in equilibrium and its deformation gradients, (N, 3, 3)."""
-    h, spacing = scene.solver.h, scene.solver.spacing
+    solid = _medium(setting)
+    h, spacing = solid.h, solid.solver.spacing
     if setting.object == "stretched":
-        return _stretched(scene)
+        return _stretched(solid)
     X = ordered(lattice((4 * h,) * 3, spacing), h) if setting.object == "block" else np.array([[1.003, 1.005, 0.998]])
-    aside = np.array([[0.4, 0, 0]])
-    state = free(scene, particles(np.concatenate([X, CENTRE + aside, CENTRE - aside]).astype(np.float32), spacing))
+    state = free(solid, particles(X.astype(np.float32), spacing))
     return state, np.tile(np.eye(3), (state.n, 1, 1))
 
 
-def _stretched(scene: Scene) -> tuple[State, Array]:
+def _stretched(solid: Medium) -> tuple[State, Array]:
     """A bar of 4 x 4 cells, stretched to twice its length, whose ends are held; its sides carry no stress.
 
     In `updated` the particles are where the stretch has brought them, four a cell along the bar at rest: with two the
     grid parts them here, whatever the substep.
     """
-    h, spacing = scene.solver.h, scene.solver.spacing
-    scene.loading = Loading(offset=4.5 * h, thickness=5 * h, speed=1e-12)
+    h, spacing = solid.h, solid.solver.spacing
+    ends = Grips("rigid", (1.0, 0.0, 0.0), offset=4.5 * h, thickness=5 * h, speed=0.0, h=h)
     bar = particles(ordered(lattice((10 * h, 4 * h, 4 * h), spacing), h), spacing)
-    side = _sides(State(scene, bar))
+    side = _sides(State(solid, bar, ends, Drive("serial")))
     F = np.diag([2.0, side, side])
-    state = State(scene, bar if scene.solver.formulation == "total" else _moved(bar, side))
+    state = State(solid, bar if solid.total else _moved(bar, side), ends, Drive("serial"))
     return state, np.tile(F, (state.n, 1, 1))
 
 
@@ -132,30 +125,29 @@ def _sides(state: State) -> float:
     low, high = 0.3, 1.2
     for _ in range(60):
         middle = (low + high) / 2
-        state.F.from_numpy(np.tile(np.diag([2.0, middle, middle]), (state.n, 1, 1)))
-        low, high = (middle, high) if state.observe()[0][0, 1, 1] < 0 else (low, middle)
+        state.points.F.from_numpy(np.tile(np.diag([2.0, middle, middle]), (state.n, 1, 1)))
+        low, high = (middle, high) if state.observe().tau[0, 1, 1] < 0 else (low, middle)
     return low
 
 
 def _stiffness(state: State, F: Array) -> float:
     """The largest stiffness bound as `dt: auto` sees it."""
-    state.F.from_numpy(F)
+    state.points.F.from_numpy(F)
     return state.survey().stiffness
 
 
 def _grows(state: State, F: Array, dt: float) -> bool:
     """Whether a random perturbation of F has grown, by which time the state is far from equilibrium."""
     rng = np.random.default_rng(0)
-    state.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
-    state.V.from_numpy(np.zeros((state.n, 3)))
-    state.fresh = True  # nodes forget how they moved
-    state.C.from_numpy(np.zeros((state.n, 3, 3)))
-    state.U.from_numpy(np.zeros((state.n, 3)))
-    state.D.from_numpy(np.zeros(state.n))
-    for array in (state.faults, state.pad, state.copies):  # whatever the last blow-up left there
-        array.fill(0)
+    state.points.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
+    state.points.V.from_numpy(np.zeros((state.n, 3)))
+    state.first_substep = True  # nodes forget how they moved
+    state.points.C.from_numpy(np.zeros((state.n, 3, 3)))
+    state.points.U.from_numpy(np.zeros((state.n, 3)))
+    state.points.D.from_numpy(np.zeros(state.n))
+    state.clear_fault()  # whatever the last blow-up left there
     state.run(STEPS, dt, 0.0)
-    return not np.abs(state.F.to_numpy() - F)[: state.n - ASIDE].max() < GROWN
+    return not np.abs(state.points.F.to_numpy() - F).max() < GROWN
 
 
 def table(rows: Iterable[Row]) -> Table:

@@ -42,11 +42,11 @@ class Start:
         if self.resting:
             return
         rng = np.random.default_rng(self.seed)
-        F, V = state.F.to_numpy(), state.V.to_numpy()
+        F, V = state.points.F.to_numpy(), state.points.V.to_numpy()
         chosen = rng.random(state.n) < self.share
         F[chosen] = self._gradients(int(chosen.sum()), rng)
-        state.F.from_numpy(F.astype(state.dtype))
-        state.V.from_numpy((V + self.speed * rng.normal(size=V.shape)).astype(state.dtype))
+        state.points.F.from_numpy(F.astype(state.dtype))
+        state.points.V.from_numpy((V + self.speed * rng.normal(size=V.shape)).astype(state.dtype))
 
     def _gradients(self, n: int, rng: np.random.Generator) -> Array:
         """Deformation gradients, (n, 3, 3)."""

@@ -13,7 +13,8 @@ from fracsim import registry
 from fracsim.fuzz.bodies import build
 from fracsim.fuzz.case import Case, Start
 from fracsim.fuzz.draft import Draft
-from fracsim.mpm.timestep import limit, stable_at_rest
+from fracsim.mpm.timestep import limit, rest_stiffness, stable_at_rest
+from fracsim.solve.setup import medium
 
 COST = 6e5
 """Particles times substeps of a scene: about 0.3 s."""
@@ -231,10 +232,10 @@ def _duration(d: Draft) -> None:
     except ValueError:  # refused later on, by the run
         return
     if d.dt_factor:
-        d.set("solver.dt", float(f"{d.dt_factor * stable_at_rest(scene):.6g}"))
+        d.set("solver.dt", float(f"{d.dt_factor * stable_at_rest(medium(scene)):.6g}"))
         scene.solver.dt = d.get("solver.dt")
     n, load = len(build(d.case.body, scene.solver)), scene.loading
-    auto = limit(scene, 3 * scene.material.lam + 2 * scene.material.mu, load.speed, 0.0)
+    auto = limit(medium(scene), rest_stiffness(medium(scene)), load.speed, 0.0)
     dt = float(scene.solver.dt) if d.dt_factor else auto
     part = 1.3 * (scene.fracture.crit - 1) * load.gauge / (2 * load.speed)
     steps = d.steps or min(max(part / dt, 30), max(COST / n, 30), 3000)

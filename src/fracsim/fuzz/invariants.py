@@ -52,15 +52,15 @@ class Watch:
         if abs(t * self.scene.capture.fps - round(t * self.scene.capture.fps)) > 1e-6:
             return
         s = self.sim.state
-        active = s.D.to_numpy() < 1 if s.total else np.ones(s.n, bool)
-        on_nodes = float(s.velocity.to_numpy()[s.nodes.to_numpy(), 3].sum(dtype=np.float64))
+        active = s.points.D.to_numpy() < 1 if s.total else np.ones(s.n, bool)
+        on_nodes = float(s.grid.velocity.to_numpy()[s.grid.layout.nodes, 3].sum(dtype=np.float64))
         least, most = self.mass[active].sum(), self.mass[self._last_d < 1].sum() if s.total else self.mass.sum()
         slack = SUMMED * self.eps * math.sqrt(s.n) * self.mass.sum()
         if not least - slack <= on_nodes <= most + slack:
             self.violated("mass", f"{on_nodes:g} kg on the grid at {t:g} s, {least:g} to {most:g} kg in particles")
-        x = s.X.to_numpy() if s.total else s.X.to_numpy() + s.U.to_numpy()
-        cell = np.floor(x[active] / self.scene.solver.h - 0.5) - s.layout.lowest
-        if len(cell) and (cell.min() < 0 or (cell.max(axis=0) + 2 >= s.layout.shape).any()):
+        x = s.points.X.to_numpy() if s.total else s.points.X.to_numpy() + s.points.U.to_numpy()
+        cell = np.floor(x[active] / self.scene.solver.h - 0.5) - s.grid.layout.lowest
+        if len(cell) and (cell.min() < 0 or (cell.max(axis=0) + 2 >= s.grid.layout.shape).any()):
             self.violated("grid", f"a particle is outside the grid at {t:g} s")
 
     def frame(self, frame: Frame) -> None:
@@ -76,7 +76,7 @@ class Watch:
     def _finite(self, frame: Frame) -> None:
         s = self.sim.state
         arrays = {"x": frame.x, "v": frame.v, "F": frame.F, "tau": frame.tau, "d": frame.d,
-                  "the state's U": s.U.to_numpy(), "the state's F": s.F.to_numpy()}  # fmt: skip
+                  "the state's U": s.points.U.to_numpy(), "the state's F": s.points.F.to_numpy()}  # fmt: skip
         for name, values in arrays.items():
             bad = ~np.isfinite(values)
             if bad.any():
@@ -92,8 +92,8 @@ class Watch:
     def _place(self, frame: Frame) -> None:
         """Positions as shown are those of the state; grips are at v t along the axis."""
         s, load = self.sim.state, self.scene.loading
-        held, intact = self.sim.side != 0, frame.d < 1
-        U = s.U.to_numpy().astype(np.float64)
+        held, intact = self.sim.state.side != 0, frame.d < 1
+        U = s.points.U.to_numpy().astype(np.float64)
         shown = frame.x - np.asarray(CENTRE)
         plain = ~held & (intact | (not s.total))
         # x is float32, and a sum of X and U in the precision of the run.
@@ -103,7 +103,7 @@ class Watch:
         if load.grips == "soft" or not held.any():
             return
         due = load.speed * frame.t
-        along = (U @ np.asarray(load.axis)) * self.sim.side
+        along = (U @ np.asarray(load.axis)) * self.sim.state.side
         driven = held & (intact | (not s.total))
         # Each substep adds v dt to U, rounded: EPS / 2 of U a substep, in float32 a bias when v dt is tiny.
         slack = 1e-6 * due + self.eps * self.sim.report.substeps * float(np.abs(U[held]).max())
@@ -134,7 +134,7 @@ class Watch:
         failed = s.total and frame.failed.any()
         if (damped and m.decay > 0) or self.scene.solver.walls or failed:
             return
-        books, axis = s.booked(), np.asarray(self.scene.loading.axis)
+        books, axis = s.sums(), np.asarray(self.scene.loading.axis)
         weight = float(self.mass.sum() * np.asarray(self.scene.loading.gravity) @ axis)
         due = books[slot.PULL_LOW] + books[slot.PULL_HIGH] + weight * frame.t
         off = abs(float((momentum(s) - self._start) @ axis) - due)
@@ -152,14 +152,14 @@ class Watch:
             with np.errstate(all="ignore"):
                 P = P / np.maximum(np.linalg.svd(frame.F, compute_uv=False)[:, 2], 1e-3)
         v = np.linalg.norm(frame.v, axis=1) + s.loading.speed + math.hypot(*s.loading.gravity) * dt
-        C = np.linalg.norm(self.sim.state.C.to_numpy(), axis=(1, 2))
+        C = np.linalg.norm(self.sim.state.points.C.to_numpy(), axis=(1, 2))
         sums = self.mass * (v + h * C) + 4 * dt / h * self.sim.report.volume * P
         return float(sums.sum(dtype=np.float64))
 
     def _energy(self, frame: Frame) -> None:
         """Kinetic and elastic energy and booked losses never exceed initial energy and booked work. Where J
         was clamped, in scenes that are not sensible, stress is no derivative of an energy, and nothing is said."""
-        h, books = self.sim.report.history, self.sim.state.booked()
+        h, books = self.sim.report.history, self.sim.state.sums()
         if books[slot.CLAMPED] > 0 and not self.sensible:
             return
         work = float(books[slot.GRIP_WORK] + books[slot.GRAVITY_WORK])
@@ -192,7 +192,7 @@ class Watch:
         the stress, the stress does a work of m v^2 k (1 - k).
         """
         dts = self.sim.report.history.dt
-        k = min((damping(self.scene, dt).keep for dt in dts), default=1.0)
+        k = min((damping(self.sim.state.medium, dt).keep for dt in dts), default=1.0)
         return 2 * k / (1 + k)
 
     def _energy_round_off(self, put_in: float) -> float:

@@ -38,7 +38,7 @@ def replay(path: Path, console: Console) -> Outcome:
 
 def _row(simulator: Simulator, frame: Frame, watch: Watch) -> list[str]:
     """One frame; volume ratio of what has not failed."""
-    h, books = simulator.report.history, simulator.state.booked()
+    h, books = simulator.report.history, simulator.state.sums()
     F = frame.F[frame.d < 1]
     stretch = f"{h.stretch_max[-1]:.4g}"
     least = f"{np.linalg.det(F).min():.3g}" if len(F) else ""

@@ -12,7 +12,8 @@ from fracsim.fuzz.case import Case, sensible
 from fracsim.fuzz.invariants import Watch
 from fracsim.records import Frame
 from fracsim.scene.vocab import Backend, Scene
-from fracsim.solve.simulator import SimulationError, Simulator
+from fracsim.solve.march import SimulationError
+from fracsim.solve.simulator import Simulator
 
 Onlooker = Callable[[Simulator, Frame, Watch], None]
 """Called after each frame."""

@@ -25,7 +25,8 @@ from fracsim.records import Array
 from fracsim.render.film import Film
 from fracsim.scene.program import compose
 from fracsim.scene.vocab import BUILTIN, Backend, Scene
-from fracsim.solve.simulator import SimulationError, Simulator
+from fracsim.solve.march import SimulationError
+from fracsim.solve.simulator import Simulator
 
 FILE = Path("tests/reference/golden.json")
 BASE = ("solver.cells=40", "camera.width=64", "camera.height=64", "capture.tracks=16", "backend.threads=1")

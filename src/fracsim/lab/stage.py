@@ -1,31 +1,27 @@
-"""Bodies on a lattice that no grip pulls: free or clamped, under body forces, with ghosts for periods and mirrors."""
+"""Bodies on a lattice for verification and tests: free or clamped, under body forces, with ghosts and mirrors."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fracsim.mpm import params as slot
+from fracsim.mpm.boundary import Clamp, Free
+from fracsim.mpm.drive import Drive
 from fracsim.mpm.energy import kinetic_of_particles, masses
-from fracsim.mpm.layout import Layout, order
-from fracsim.mpm.state import MARGIN, State
-from fracsim.mpm.timestep import limit
+from fracsim.mpm.layout import order
+from fracsim.mpm.medium import Medium
+from fracsim.mpm.state import State
+from fracsim.mpm.timestep import limit, rest_stiffness
 from fracsim.records import Array, Particles
-from fracsim.scene.vocab import CENTRE, Backend, Fracture, Loading, Material, Scene, Solver
+from fracsim.scene.vocab import CENTRE, Fracture, Material, Solver
+from fracsim.solve.march import Hook, March
 
-FAR = 10.0
-"""Beyond all bodies [m]."""
 CRUSHED = 0.02
-"""A stable substep this small a part of that at rest is not worth going on."""
-ROUND = 16
-"""Substeps between two looks at the stability bound."""
+"""A stable substep this small a part of that at rest means that the material is crushed or has blown up."""
 NEVER = Fracture(onset=9, crit=10)
 """Thresholds that no problem without damage reaches."""
-
-Hook = Callable[[float, float], None]
-"""Called before a substep with its start [s] and its length [s]; with 0 before a look at what limits the next ones."""
 
 
 def lattice(size: tuple[float, float, float], spacing: float, centre: tuple[float, float, float] = CENTRE) -> Array:
@@ -67,175 +63,102 @@ def turned(body: Particles, degrees: float) -> Particles:
     return replace(body, X=(CENTRE + (body.X - np.asarray(CENTRE)) @ turn.T).astype(np.float32))
 
 
-def scene(solver: Solver, material: Material, X: Array) -> Scene:
-    """A scene on one thread for a body at X [m] that lies on both sides of the centre."""
-    s = X[:, 0].astype(float) - CENTRE[0]
-    offset = min(0.5 * min(s.max(), -s.min()), 1.0)  # only for the solver to find its grips; nothing pulls
-    return Scene(solver=solver, material=material, fracture=NEVER, backend=Backend(threads=1),
-                 loading=Loading(offset=offset, thickness=min(2.2 * solver.spacing, offset)))  # fmt: skip
+def medium(
+    solver: Solver,
+    material: Material,
+    fracture: Fracture = NEVER,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Medium:
+    """A medium that does not tear unless thresholds are given; gravity in m/s^2."""
+    return Medium(material, fracture, solver, gravity)
 
 
-class Stage(State):
-    """A state at rest whose nodes and particles at x <= -wall [m from the centre] are held, and no others.
-
-    Body forces are `put(state, force=...)` [m/s^2]; they stay until they are put anew.
-    """
-
-    def __init__(self, scene: Scene, body: Particles, wall: float = math.inf) -> None:
-        self.wall = wall
-        super().__init__(scene, body, forces=True)
-        self.force.from_numpy(np.zeros((self.n, 3), self.dtype))
-        self.V.from_numpy(np.zeros((self.n, 3), self.dtype))
-        self.label.from_numpy(slot.FREE - self._held(self.X0).astype(np.int32))
-
-    def _held(self, x: Array) -> Array:
-        return np.asarray(x[:, 0] <= 1e-6 - self.wall)
-
-    def _fill_parameters(self) -> None:
-        """Two slabs, FAR thick, from `wall` outwards; the body must not come near the upper one."""
-        super()._fill_parameters()
-        if math.isfinite(self.wall):
-            assert self.X0[:, 0].max() < self.wall - 3 * self.scene.solver.h
-            self.K[slot.SPEED], self.K[slot.HALF], self.K[slot.REACH] = 0.0, FAR + 1e-6, self.wall + FAR
-        else:
-            self.K[slot.HALF] = -1.0
-
-    def _place_grid(self, grid: Layout, x: Array) -> None:
-        super()._place_grid(grid, x)
-        if self.total:
-            self.owner.from_numpy(-self._held(x).astype(np.int32))
-            self.tied.from_numpy(np.full((len(x), 2), -1, np.int32))
+def free(medium: Medium, body: Particles) -> State:
+    """A body at rest that nothing holds; body forces are `put(state, force=...)` [m/s^2] and stay until the next."""
+    return State(medium, body, Free(), Drive("serial"), forced=True)
 
 
-def free(scene: Scene, body: Particles) -> Stage:
-    """A state whose particles and nodes no grip holds, at rest."""
-    return Stage(scene, body)
+def clamped(medium: Medium, body: Particles, wall: float) -> State:
+    """A body at rest, held at x <= -wall [m from the centre]; body forces as in `free`."""
+    assert body.X[:, 0].max() - CENTRE[0] < wall - 3 * medium.h
+    return State(medium, body, Clamp(wall=wall), Drive("serial"), forced=True)
 
 
-def driven(scene: Scene, body: Particles, drive: str, chunks: int) -> State:
-    """A state that runs its substeps by this drive, whatever the machine would choose."""
-
-    class Driven(State):
-        def _allocate(self, particles: Particles) -> None:
-            self.drive, self.chunks = drive, chunks
-            super()._allocate(particles)
-
-    return Driven(scene, body)
-
-
-def row(solver: Solver, material: Material, x: Array) -> Stage:
-    """One row of particles at x [m from the centre], two a cell; to be kept straight by `flat(state, (1, 2))`."""
+def row(solver: Solver, material: Material, x: Array) -> State:
+    """One row of particles at x [m from the centre], (N,), two a cell; `flat(state, (1, 2))` keeps it straight."""
     X = 1 + x[:, None] * [1, 0, 0]
-    return free(scene(solver, material, X), particles(X, solver.spacing))
+    return free(medium(solver, material), particles(X, solver.spacing))
 
 
 def put(state: State, **values: ArrayLike) -> None:
     """Set arrays of the particles: `put(state, V=..., F=...)`; one row stands for all particles."""
     for name, value in values.items():
-        array = getattr(state, name)
+        array = getattr(state.points, name)
         shape = array.to_numpy().shape
         array.from_numpy(np.ascontiguousarray(np.broadcast_to(value, shape).astype(state.dtype)))
 
 
 def slow(state: State, keep: float) -> None:
-    """Leave particles and nodes this part of their velocity."""
-    put(state, V=keep * state.V.to_numpy())
-    nodes = state.velocity.to_numpy()
+    """Scale the velocities of particles and nodes by `keep`."""
+    put(state, V=keep * state.points.V.to_numpy())
+    nodes = state.grid.velocity.to_numpy()
     nodes[:, :3] *= keep
-    state.velocity.from_numpy(nodes)
-
-
-def substep(state: State) -> float:
-    """The substep that the scene's rule takes at the present state [s]."""
-    rule, peaks, m = state.scene.solver.dt, state.survey(), state.scene.material
-    if not isinstance(rule, str):
-        return rule
-    dt = limit(state.scene, peaks.stiffness, peaks.fastest, peaks.rate)
-    if not dt > CRUSHED * limit(state.scene, 3 * m.lam + 2 * m.mu, 0.0, 0.0):
-        raise RuntimeError("the material is crushed or has blown up: the stable substep has collapsed")
-    return dt
+    state.grid.velocity.from_numpy(nodes)
 
 
 def advance(state: State, duration: float, t: float = 0.0, before: Hook | None = None) -> int:
-    """Substeps from t to t + duration [s]; returns how many.
+    """Substeps from t to t + duration [s]; returns their number.
 
     `before` is called before each of them. Raises RuntimeError when a particle leaves the solver's limits.
     """
-    left, count = duration, 0
-    while left > 1e-9 * duration:
-        if before is not None:
-            before(t, 0.0)
-        dt = substep(state)
-        n = max(1, math.ceil(left / dt - 1e-6))
-        dt = left / n
-        n = min(n, _safe(state, dt))
-        if before is None:
-            state.run(n, dt, t)
-        else:
-            for k in range(n):
-                before(t + k * dt, dt)
-                state.run(1, dt, t + k * dt)
-        t, left, count = t + n * dt, left - n * dt, count + n
-        check(state)
-        follow(state)
+    march, count, at_rest = March(state), 0, limit(state.medium, rest_stiffness(state.medium), 0.0, 0.0)
+    for done in march.rounds(t, duration, before):
+        kind, p, _ = state.fault()
+        if kind != slot.NO_FAULT:
+            raise RuntimeError(f"particle {p} {'flew too fast' if kind == slot.SPEED_FAULT else 'left the grid'}")
+        if isinstance(state.medium.solver.dt, str) and not march.dt > CRUSHED * at_rest:
+            raise RuntimeError("the material is crushed or has blown up: the stable substep has collapsed")
+        count += done.n
     return count
 
 
-def _safe(state: State, dt: float) -> int:
-    """Substeps during which nobody leaves the nodes in use; few, for what snaps is soon faster than it is now."""
-    if state.total:
-        return ROUND
-    fastest = float(np.linalg.norm(state.V.to_numpy(), axis=1).max())
-    return max(1, min(ROUND // 4, int(MARGIN / 2 * state.scene.solver.h / max(fastest * dt, 1e-30))))
-
-
-def check(state: State) -> None:
-    """Raise RuntimeError for a fault of the solver."""
-    kind, p, _ = state.fault()
-    if kind != slot.NO_FAULT:
-        raise RuntimeError(f"particle {p} {'flew too fast' if kind == slot.SPEED_FAULT else 'left the grid'}")
-
-
-def follow(state: State) -> None:
-    """In `updated`, lay the grid anew once somebody has moved a cell."""
-    if not state.total:
-        U = state.U.to_numpy()
-        if np.abs(U - state.anchor.to_numpy()).max() > MARGIN / 2 * state.scene.solver.h:
-            state.relayout(state.X0 + U)
-
-
 def flat(state: State, axes: tuple[int, ...]) -> Hook:
-    """A hook that takes motion and strain along `axes` away: with one layer of particles there, a plane or confined
-    problem. Fields that do not vary along an axis have exact weights along it, so the layer stands for an endless one.
+    """A hook that removes motion and strain along `axes`.
+
+    With one layer of particles there, the problem is plane or confined: fields that do not vary along an axis have
+    exact weights along it, so the layer stands for an endless one.
     """
     rest = np.eye(3, dtype=state.dtype)
 
     def flatten(t: float, dt: float) -> None:
         for name in ("U", "V", "C", "F"):
-            array = getattr(state, name)
+            array = getattr(state.points, name)
             values = array.to_numpy()
             for k in axes:
                 values[:, k] = rest[k] if name == "F" else 0
                 if values.ndim == 3:
                     values[:, :, k] = rest[k] if name == "F" else 0
             array.from_numpy(values)
-        nodes = state.velocity.to_numpy()
+        nodes = state.grid.velocity.to_numpy()
         nodes[:, list(axes)] = 0
-        state.velocity.from_numpy(nodes)
+        state.grid.velocity.from_numpy(nodes)
 
     return flatten
 
 
 class Ghosts:
-    """Particles that copy others before each substep, mirrored where `sign`, (G, 3), is -1."""
+    """Particles that copy others before each substep.
+
+    `ghost`, (G,), copies `image`, (G,); the motion along an axis is mirrored where `sign`, (G, 3), is -1.
+    """
 
     def __init__(self, ghost: Array, image: Array, sign: Array) -> None:
         self.ghost, self.image, self.sign = ghost, image, sign
 
     def __call__(self, state: State) -> None:
-        """Bring the ghosts up to date."""
+        """Copy the present motion to the ghosts."""
         for name in ("U", "V", "C", "F"):
-            array = getattr(state, name)
+            array = getattr(state.points, name)
             values = array.to_numpy()
             copy = values[self.image] * self.sign.reshape(len(self.sign), *([3] + [1] * (values.ndim - 2)))
             values[self.ghost] = copy * self.sign[:, None, :] if values.ndim == 3 else copy
@@ -244,7 +167,7 @@ class Ghosts:
 
 def momentum(state: State) -> Array:
     """Total linear momentum [kg m/s]."""
-    return np.asarray((masses(state)[:, None] * state.V.to_numpy()).sum(axis=0))
+    return np.asarray((masses(state)[:, None] * state.points.V.to_numpy()).sum(axis=0))
 
 
 def angular_momentum(state: State) -> Array:
@@ -253,12 +176,12 @@ def angular_momentum(state: State) -> Array:
     Over the nodes of a quadratic B-spline sum w (x_i - x_p)(x_i - x_p)^T = h^2 / 4 I in the grid's configuration, in
     which C is the gradient.
     """
-    x = state.X0.astype(np.float64) + state.U.to_numpy()
-    C, F = state.C.to_numpy().astype(np.float64), state.F.to_numpy().astype(np.float64)
+    x = state.X0.astype(np.float64) + state.points.U.to_numpy()
+    C, F = state.points.C.to_numpy().astype(np.float64), state.points.F.to_numpy().astype(np.float64)
     A = C @ F.transpose(0, 2, 1) if state.total else C
     axial = np.stack([A[:, 2, 1] - A[:, 1, 2], A[:, 0, 2] - A[:, 2, 0], A[:, 1, 0] - A[:, 0, 1]], axis=1)
-    spin = state.scene.solver.h**2 / 4 * axial
-    return np.asarray((masses(state)[:, None] * (np.cross(x, state.V.to_numpy()) + spin)).sum(axis=0))
+    spin = state.medium.h**2 / 4 * axial
+    return np.asarray((masses(state)[:, None] * (np.cross(x, state.points.V.to_numpy()) + spin)).sum(axis=0))
 
 
 def kinetic(state: State) -> float:
@@ -268,4 +191,4 @@ def kinetic(state: State) -> float:
 
 def elastic(state: State) -> float:
     """Strain energy, degraded by damage [J]."""
-    return float((state.observe()[1].astype(np.float64) * state.volume.to_numpy()).sum())
+    return float((state.observe()[1].astype(np.float64) * state.points.volume.to_numpy()).sum())

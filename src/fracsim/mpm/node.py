@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from fracsim.mpm.boundary import IN_EDGE, constrain, edge_impulse, grip_at
+from fracsim.mpm.boundary import IN_EDGE
+from fracsim.mpm.constraint import constrain, edge_impulse, grip_at
 from fracsim.mpm.params import (
     ALPHA,
     CELL,

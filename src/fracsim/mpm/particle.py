@@ -9,8 +9,8 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.mpm.boundary import constrain, prescribed_velocity
 from fracsim.mpm.bspline import stencil
+from fracsim.mpm.constraint import constrain, prescribed_velocity
 from fracsim.mpm.context import Motion, Strain, Variant
 from fracsim.mpm.damaging import freed, freed_of_cell, grown
 from fracsim.mpm.dilatation import average_volume_ratio, store_motion, stored_motion

@@ -13,7 +13,9 @@ from fracsim.run.interrupt import Interrupt
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.sample import Writer
 from fracsim.scene.vocab import Scene
-from fracsim.solve.simulator import SimulationError, Simulator, ready
+from fracsim.solve.march import SimulationError
+from fracsim.solve.setup import ready
+from fracsim.solve.simulator import Simulator
 
 
 def run(scene: Scene) -> Path:

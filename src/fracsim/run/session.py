@@ -10,7 +10,8 @@ from fracsim.records import Array, Frame, Particles
 from fracsim.render.film import Film
 from fracsim.scene.vocab import Scene
 from fracsim.solve.report import Report
-from fracsim.solve.simulator import Simulator, ready
+from fracsim.solve.setup import ready
+from fracsim.solve.simulator import Simulator
 
 
 class Run:

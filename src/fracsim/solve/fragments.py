@@ -17,6 +17,17 @@ def joins(piece: Array, side: Array) -> bool:
     return bool(np.isin(low[low >= 0], high[high >= 0]).any())
 
 
+def judge(bonds: Bonds, side: Array, x: Array, F: Array, failed: Array) -> str:
+    """`whole`, `broken` (by damage) or `torn` (numerically), by bonds that are intact and not longer than F says."""
+    intact = bonds.intact(failed)
+    torn = bonds.torn(intact, x, F)
+    if not failed.any() and not torn.any():
+        return "whole"
+    if joins(bonds.pieces(intact[~torn]), side):
+        return "whole"
+    return "torn" if joins(bonds.pieces(intact), side) else "broken"
+
+
 class Fragments:
     """Follows the fragments of a state; `crumb` is the size [particles] below which a fragment fails with the crack."""
 
@@ -67,12 +78,4 @@ class Fragments:
         side = self.state.side
         if self.state.total:
             return "whole" if joins(self.of, side) else "broken"
-        if stretch < RISKY:
-            return "whole"
-        bonds = self.bonds.intact(failed)
-        torn = self.bonds.torn(bonds, x, F)
-        if not failed.any() and not torn.any():
-            return "whole"
-        if joins(self.bonds.pieces(bonds[~torn]), side):
-            return "whole"
-        return "torn" if joins(self.bonds.pieces(bonds), side) else "broken"
+        return "whole" if stretch < RISKY else judge(self.bonds, side, x, F, failed)

@@ -6,9 +6,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fracsim.lab.stage import lattice, particles
-from fracsim.mpm.grips import along
 from fracsim.records import Array
-from fracsim.scene.vocab import Backend, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.scene.vocab import CENTRE, Backend, Capture, Fracture, Loading, Material, Scene, Solver
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
 
@@ -83,7 +82,7 @@ def at_break(simulator: Simulator) -> float:
 def over_gauge(bar: Simulator, law: str, nu: float, stretch: float, load: float) -> float:
     """Nominal stretch of a bar at its peak load / section / E, where `stretch` is that of its middle: the ends of it,
     exempt from damage, are stretched by what the undamaged law says."""
-    s = along(bar.scene.loading, bar.particles.X)
+    s = (bar.particles.X.astype(np.float64) - CENTRE) @ np.asarray(bar.scene.loading.axis)
     ends = float((~bar.report.free[np.abs(s) < bar.scene.loading.gauge / 2]).mean())
     held = float(brentq(lambda l: uniaxial(law, nu, l)[0] - load, 1, stretch + 1e-9))
     return (1 - ends) * stretch + ends * held

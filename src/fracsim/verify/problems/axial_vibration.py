@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import Stage, advance, elastic, flat, kinetic, put, row
+from fracsim.lab.stage import advance, elastic, flat, kinetic, put, row
+from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, at_least, relative
@@ -24,7 +25,7 @@ def velocity(x: Array, t: float) -> Array:
     return v
 
 
-def ringing(setting: Setting, cells: int) -> Stage:
+def ringing(setting: Setting, cells: int) -> State:
     """The bar in its first mode, two particles a cell."""
     solver = setting.solver(2 * cells)
     x = (np.arange(4 * cells) + 0.5) * solver.h / 2 - LENGTH
@@ -34,13 +35,13 @@ def ringing(setting: Setting, cells: int) -> Stage:
     return state
 
 
-def watch(state: Stage) -> tuple[float, float]:
+def watch(state: State) -> tuple[float, float]:
     """Period from the zeros of the mean velocity of one half, and energy left, over PERIODS."""
     first, dt, half = kinetic(state), PERIOD / 100, state.X0[:, 0] > 0
-    mean = [float(state.V.to_numpy()[half, 0].mean())]
+    mean = [float(state.points.V.to_numpy()[half, 0].mean())]
     for k in range(100 * PERIODS):
         advance(state, dt, k * dt, flat(state, (1, 2)))
-        mean.append(float(state.V.to_numpy()[half, 0].mean()))
+        mean.append(float(state.points.V.to_numpy()[half, 0].mean()))
     v = np.array(mean)
     at = np.flatnonzero(v[:-1] * v[1:] < 0)
     zeros = (at + v[at] / (v[at] - v[at + 1])) * dt

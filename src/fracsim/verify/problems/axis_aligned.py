@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fracsim.lab.stage import Ghosts, Stage, advance, free, particles, put, scene
+from fracsim.lab.stage import Ghosts, advance, free, medium, particles, put
 from fracsim.mpm.layout import order
 from fracsim.mpm.state import State
 from fracsim.records import Array
@@ -54,7 +54,7 @@ def body_force(X: Array, t: float) -> Array:
 
 def octant(
     setting: Setting, cells: int, courant: float | None = None, per_axis: float = 2
-) -> tuple[Stage, Array, Ghosts, Array]:
+) -> tuple[State, Array, Ghosts, Array]:
     """State with `cells` along 1 m, at t = 0; X in the octant's own axes, its ghosts, and who is none."""
     solver = setting.solver(2 * cells, per_axis)
     if courant:
@@ -64,7 +64,7 @@ def octant(
     grid = grid[order(grid * (solver.spacing / solver.h) + 100.25)]
     X = (grid + 0.5) * solver.spacing
     place = X - SIZE / 2 + CENTRE
-    state = free(scene(solver, MATERIAL, place), particles(place, solver.spacing))
+    state = free(medium(solver, MATERIAL), particles(place, solver.spacing))
     folded = np.where(grid < 0, -1 - grid, np.where(grid >= n, 2 * n - 1 - grid, grid))
     sign, ghost = np.where(folded == grid, 1.0, -1.0), np.flatnonzero((folded != grid).any(axis=1))
     where = np.full((n + 2 * pad,) * 3, -1)
@@ -105,7 +105,7 @@ def error(
     if spent is not None:
         clock(state, spent)
     advance(state, end, before=before)
-    wrong = state.U.to_numpy().astype(float) - displacement(X, end)
+    wrong = state.points.U.to_numpy().astype(float) - displacement(X, end)
     return float(np.abs(wrong[own]).max() / AMPLITUDE)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import curve_fit
 
-from fracsim.lab.stage import Stage, advance, lattice, ordered, particles, scene
+from fracsim.lab.stage import advance, clamped, lattice, medium, ordered, particles
+from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, relative
@@ -52,25 +53,24 @@ def ringing(t: Array, sag: float, f1: float, a1: float, a2: float, a3: float) ->
     return np.asarray(sag - sum(a * np.cos(2 * np.pi * fi * t) for a, fi in zip((a1, a2, a3), f, strict=True)))
 
 
-def beam(setting: Setting, cells: int) -> Stage:
+def beam(setting: Setting, cells: int) -> State:
     """`cells` through the depth, one cell wide; nu = 0."""
     solver = setting.solver(2 * cells / DEPTH)
     h = solver.h
     wall = h * np.ceil((LENGTH / h + 4) / 2)
     X = lattice((LENGTH + HELD * h, DEPTH, h), solver.spacing)
     X = ordered(X.astype(float) + [LENGTH / 2 - HELD * h / 2 - wall, 0, 0], h)
-    s = scene(solver, Material(E=E, nu=0.0, density=DENSITY), X)
-    s.loading.gravity = [0.0, -gravity(), 0.0]
-    return Stage(s, particles(X, solver.spacing), wall)
+    solid = medium(solver, Material(E=E, nu=0.0, density=DENSITY), gravity=(0.0, -gravity(), 0.0))
+    return clamped(solid, particles(X, solver.spacing), wall)
 
 
-def watch(state: Stage, periods: float) -> tuple[float, float]:
+def watch(state: State, periods: float) -> tuple[float, float]:
     """Static sag [m] and first frequency [Hz], fitted to the motion of the tip."""
     tip, dt = state.X0[:, 0] > state.X0[:, 0].max() - 1e-4, 1 / frequencies()[0] / 80
     sag = [0.0]
     for k in range(round(periods * 80)):
         advance(state, dt, k * dt)
-        sag.append(-float(state.U.to_numpy()[tip, 1].mean()))
+        sag.append(-float(state.points.U.to_numpy()[tip, 1].mean()))
     t = dt * np.arange(len(sag))
     start = (SAG * LENGTH, frequencies()[0], SAG * LENGTH, 0.0, 0.0)
     fitted = curve_fit(ringing, t, sag, p0=start)[0]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import advance, angular_momentum, free, lattice, momentum, particles, put, scene
+from fracsim.lab.stage import advance, angular_momentum, free, lattice, medium, momentum, particles, put
 from fracsim.mpm.energy import masses
 from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, told
@@ -19,7 +19,7 @@ def run(setting: Setting) -> Iterator[Check]:
     solver = setting.solver(50)
     shift = (EDGE + GAP) / 2
     X = np.concatenate([lattice((EDGE,) * 3, solver.spacing, (1 + k * shift, 1 + k * EDGE / 8, 1.0)) for k in (-1, 1)])
-    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3), X), particles(X, solver.spacing))
+    state = free(medium(solver, Material(law="neo_hookean", E=1e4, nu=0.3)), particles(X, solver.spacing))
     side = np.sign(state.X0[:, 0]).astype(float)
     put(state, V=-SPEED * side[:, None] * np.array([1.0, 0, 0]))
     scale, L = masses(state).sum() * SPEED, angular_momentum(state)
@@ -28,4 +28,4 @@ def run(setting: Setting) -> Iterator[Check]:
     yield absolute("momentum / sum m |v|", 0, float(np.abs(momentum(state)).max() / scale), tolerance)
     drift = np.linalg.norm(angular_momentum(state) - L) / np.linalg.norm(L)
     yield absolute("drift of angular momentum, relative", 0, float(drift), tolerance)
-    yield told("rebound speed / approach speed", float((side * state.V.to_numpy()[:, 0]).mean() / SPEED))
+    yield told("rebound speed / approach speed", float((side * state.points.V.to_numpy()[:, 0]).mean() / SPEED))

@@ -4,10 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import NEVER, advance, bar, flat, free, particles, put, scene
+from fracsim.lab.stage import advance, bar, flat, free, medium, particles, put
+from fracsim.mpm.drive import Drive
+from fracsim.mpm.grips import Grips
 from fracsim.mpm.state import State
-from fracsim.scene.vocab import Backend, Loading, Material, Scene
-from fracsim.solve.report import Books
+from fracsim.scene.vocab import Loading, Material
+from fracsim.solve.report import EnergyTally
 from fracsim.verify.problem import Check, Setting, relative
 from fracsim.verify.pull import PLACES
 
@@ -26,7 +28,7 @@ def prescribed(setting: Setting, material: Material) -> tuple[float, float]:
     """tau11 and tau22 of the law at F = diag(l, 1, 1) [Pa]."""
     solver = setting.solver(20)
     body = bar(solver)
-    state = free(scene(solver, material, body.X), body)
+    state = free(medium(solver, material), body)
     put(state, F=np.diag([STRETCH, 1, 1]))
     tau = state.observe()[0].astype(float).mean(axis=0)
     return float(tau[0, 0]), float(tau[1, 1])
@@ -39,14 +41,14 @@ def pulled(setting: Setting, material: Material, gauge: float) -> tuple[float, f
     h, speed = solver.h, 0.01 * np.sqrt(material.E / material.density)
     X = np.stack([1 + (np.arange(42) - 20.5) * h / 2, np.ones(42), np.ones(42)], axis=1)
     pull = Loading(offset=(gauge / 2 + 1) * h, thickness=2 * h, speed=speed, grips="sliding")
-    state = State(Scene(solver=solver, material=material, loading=pull, fracture=NEVER, backend=Backend(threads=1)),
-                  particles(X, h / 2))  # fmt: skip
+    grips = Grips(pull.grips, pull.axis, pull.offset, pull.thickness, pull.speed, h)
+    state = State(medium(solver, material), particles(X, h / 2), grips, Drive("serial"))
     end, middle = (STRETCH - 1) * gauge * h / (2 * speed), np.abs(state.X0[:, 0]) < 2 * h
     stretch, impulse = [], []
     for start, duration in ((0.0, 0.95 * end), (0.95 * end, 0.05 * end)):
         advance(state, duration, start, flat(state, (1, 2)))
-        stretch.append(float(state.F.to_numpy()[middle, 0, 0].mean()))
-        impulse.append(Books.of(state.booked()).impulse)
+        stretch.append(float(state.points.F.to_numpy()[middle, 0, 0].mean()))
+        impulse.append(EnergyTally.of(state.sums()).impulse)
     return stretch[-1], float(np.mean(stretch)), (impulse[1] - impulse[0]) / (0.05 * end) / (h / 2) ** 2
 
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fracsim.lab.stage import Stage, advance, flat, particles, put, scene, slow
+from fracsim.lab.stage import advance, clamped, flat, medium, particles, put, slow
 from fracsim.mpm.energy import masses
 from fracsim.mpm.layout import order
+from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.scene.vocab import Material
 from fracsim.verify.elements import sheared
@@ -32,7 +33,7 @@ def sag(nu: float, elements: int = 64) -> float:
     return LOAD * sheared(CORNERS, nu, elements)
 
 
-def membrane(setting: Setting, nu: float, cells: int) -> Stage:
+def membrane(setting: Setting, nu: float, cells: int) -> State:
     """One layer of particles in columns that follow the slanted edges, `cells` along the length."""
     solver = setting.solver(2 * cells / 0.48)
     h, s = solver.h, solver.spacing
@@ -44,16 +45,16 @@ def membrane(setting: Setting, nu: float, cells: int) -> Stage:
     by = order((X - 1) / h)
     body = particles(X[by], s)
     body = replace(body, volume=((high - low) / 0.44 * s**3)[by].astype(np.float32))
-    return Stage(scene(solver, Material(law="neo_hookean", E=E, nu=nu, density=DENSITY), X), body, wall)
+    return clamped(medium(solver, Material(law="neo_hookean", E=E, nu=nu, density=DENSITY)), body, wall)
 
 
 def _middles(n: int) -> Array:
     return (np.arange(n) + 0.5) / n
 
 
-def settle(state: Stage) -> float:
+def settle(state: State) -> float:
     """Load the last column of particles, damp, and return its mean u_y at rest [m]."""
-    h, x = state.scene.solver.h, state.X0[:, 0]
+    h, x = state.medium.h, state.X0[:, 0]
     tip = x > x.max() - h / 4
     pull = np.zeros((state.n, 3))
     pull[tip, 1] = LOAD * E * 0.16 * (h / 2) / masses(state)[tip].sum()
@@ -65,7 +66,7 @@ def settle(state: Stage) -> float:
 
     put(state, force=pull)
     advance(state, 2 * SLOWEST, before=before)
-    return float(state.U.to_numpy()[tip, 1].mean())
+    return float(state.points.U.to_numpy()[tip, 1].mean())
 
 
 def run(setting: Setting) -> Iterator[Check]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from fracsim.lab.stage import free, lattice, ordered, particles, put, scene
+from fracsim.lab.stage import free, lattice, medium, ordered, particles, put
 from fracsim.scene.vocab import DT0, Material
 from fracsim.verify.problem import Check, Setting, relative
 
@@ -21,9 +21,9 @@ def run(setting: Setting) -> Iterator[Check]:
     """After 1 s about 0.7 % of the velocity is left."""
     solver = setting.solver(50)
     X = ordered(lattice((0.16,) * 3, solver.spacing), solver.h)
-    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3, decay=RATE), X), particles(X, solver.spacing))
+    state = free(medium(solver, Material(law="neo_hookean", E=1e4, nu=0.3, decay=RATE)), particles(X, solver.spacing))
     put(state, V=[0.02, 0.0, 0.0])
     state.run(SUBSTEPS, DURATION / SUBSTEPS, 0.0)
-    left = float(state.V.to_numpy()[:, 0].astype(float).mean() / 0.02)
+    left = float(state.points.V.to_numpy()[:, 0].astype(float).mean() / 0.02)
     yield relative("v(1 s) / v0", speed(solver.damping, SUBSTEPS, DURATION / SUBSTEPS), left,
                    setting.by_precision(1e-4, 1e-10))  # fmt: skip

@@ -44,8 +44,8 @@ def pulled(setting: Setting, grips: str, duration: float) -> tuple[float, float]
                   backend=Backend(threads=1), capture=Capture(frames=21, fps=20 / duration))  # fmt: skip
     simulator = Simulator(scene, bar(solver, ((GAUGE + 4) * h, 4 * h, 4 * h)))
     *_, last = simulator.frames()
-    held = simulator.side != 0
-    moved = float((simulator.side * simulator.state.U.to_numpy()[:, 0].astype(float))[held].mean())
+    held = simulator.state.side != 0
+    moved = float((simulator.state.side * simulator.state.points.U.to_numpy()[:, 0].astype(float))[held].mean())
     middle = np.abs(simulator.particles.X[:, 0] - 1) < 2 * h
     return moved / (SPEED * duration), float(np.linalg.svd(last.F[middle], compute_uv=False)[:, 0].mean())
 

@@ -34,7 +34,7 @@ def watch(setting: Setting, cells: int) -> tuple[Array, Array]:
     dt, mean = LENGTH / C / 50, [1.0]
     for k in range(int((contact_time() + 6 * solver.h / v0) / dt)):
         advance(state, dt, k * dt, flat(state, (1, 2)))
-        mean.append(-float(state.V.to_numpy()[x > 0, 0].mean()) / v0)
+        mean.append(-float(state.points.V.to_numpy()[x > 0, 0].mean()) / v0)
     return dt * np.arange(len(mean)), np.array(mean)
 
 

@@ -19,7 +19,7 @@ def run(setting: Setting) -> Iterator[Check]:
     first = until_parted(bar)
     away = np.nan if first is None else float(np.abs(first[:, 0] - 1 - BAR.at).max() / H)
     yield absolute("first failure from the notch", 0, away, 1.0, unit="cells")
-    failed = bar.particles.X[bar.state.D.to_numpy() >= 1].astype(float)
+    failed = bar.particles.X[bar.state.points.D.to_numpy() >= 1].astype(float)
     far = float(np.abs(failed[:, 0] - 1 - BAR.at).max() / H) if len(failed) else np.nan
     yield told("farthest failure from the notch", far, "cells")
     yield told("break stretch", at_break(bar))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import advance, angular_momentum, free, kinetic, lattice, ordered, particles, put, scene
+from fracsim.lab.stage import advance, angular_momentum, free, kinetic, lattice, medium, ordered, particles, put
 from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, relative, told
 
@@ -21,7 +21,7 @@ def run(setting: Setting) -> Iterator[Check]:
     """One turn in 1 s of three cells a side."""
     solver = setting.solver(50)
     X = ordered(lattice((SIZE,) * 3, solver.spacing), solver.h)
-    state = free(scene(solver, Material(law="neo_hookean", E=E, nu=NU), X), particles(X, solver.spacing))
+    state = free(medium(solver, Material(law="neo_hookean", E=E, nu=NU)), particles(X, solver.spacing))
     spin = OMEGA * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
     put(state, V=state.X0.astype(float) @ spin.T, C=spin)
     L, energy = angular_momentum(state), kinetic(state)
@@ -30,7 +30,7 @@ def run(setting: Setting) -> Iterator[Check]:
     # In `total` the lever arms are integrated beside the grid's motion, so the drift falls with dt instead.
     yield absolute("drift of angular momentum, relative", 0, float(drift), setting.by_precision(1e-5, 1e-12))
     yield told("change of kinetic energy, relative", kinetic(state) / energy - 1)
-    F = state.F.to_numpy().astype(float)
+    F = state.points.F.to_numpy().astype(float)
     strain = np.abs(F.transpose(0, 2, 1) @ F - np.eye(3)).mean() / 2
     yield absolute("mean |E_GL|", 0, float(strain), centrifugal_strain())
     turned = np.unwrap([0, np.arctan2(F[:, 1, 0].mean(), F[:, 0, 0].mean())])[1] + 2 * np.pi

@@ -24,7 +24,7 @@ def figures(setting: Setting, bar: Bar, cells: int, part: float) -> tuple[float,
         solver.dt *= part
     sim = simulator(solver, bar, MATERIAL, FRACTURE, 0.02, 1.9, 200)
     until_parted(sim)
-    return at_peak(sim)[1] / bar.section / MATERIAL.E, at_break(sim), sim.report.books.grip_work / bar.section
+    return at_peak(sim)[1] / bar.section / MATERIAL.E, at_break(sim), sim.report.tally.grip_work / bar.section
 
 
 def run(setting: Setting) -> Iterator[Check]:

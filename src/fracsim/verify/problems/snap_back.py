@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import advance, bar, follow, free, put, scene
+from fracsim.lab.stage import advance, bar, free, medium, put
 from fracsim.scene.vocab import Material
 from fracsim.verify.closed_form import thinned, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
@@ -29,14 +29,13 @@ def run(setting: Setting) -> Iterator[Check]:
     half = CELLS * solver.h
     for law, E, nu, stretch in ROWS[:1] if setting.quick else ROWS:
         body = bar(solver, (2 * half, 2 * solver.h, 2 * solver.h))
-        state = free(scene(solver, Material(law=law, E=E, nu=nu, density=DENSITY), body.X), body)
+        state = free(medium(solver, Material(law=law, E=E, nu=nu, density=DENSITY)), body)
         F = np.diag([stretch, *[thinned(law, nu, stretch)] * 2])
         put(state, F=F, U=state.X0 @ (F - np.eye(3)))
         if not state.total:
-            state.relayout(state.X0 + state.U.to_numpy())
+            state.relayout(state.X0 + state.points.U.to_numpy())
         advance(state, half / 2 / front(law, E, nu, stretch))
-        follow(state)
         depth = half - np.abs(state.X0[:, 0])
         passed = (depth > 2 * solver.h) & (depth < half / 4)
-        v = -float((np.sign(state.X0[:, 0]) * state.V.to_numpy()[:, 0])[passed].mean())
+        v = -float((np.sign(state.X0[:, 0]) * state.points.V.to_numpy()[:, 0])[passed].mean())
         yield relative(f"{law} {nu}, released from {stretch}: v", speed(law, E, nu, stretch), v, 0.05, unit="m/s")

@@ -32,4 +32,4 @@ def run(setting: Setting) -> Iterator[Check]:
         yield relative(f"{name} break stretch", nominal, at_break(bar), 0.02)
         yield relative(f"{name} stretch at the peak", nominal, at, 0.02)
         yield relative(f"{name} peak load / section / E", peak, load / BAR.section / E, 0.01)
-        yield told(f"{name} largest damage at the end", float(bar.state.D.to_numpy().max()))
+        yield told(f"{name} largest damage at the end", float(bar.state.points.D.to_numpy().max()))

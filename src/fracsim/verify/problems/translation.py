@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import advance, free, lattice, momentum, ordered, particles, put, scene
+from fracsim.lab.stage import advance, free, lattice, medium, momentum, ordered, particles, put
 from fracsim.records import Array
 from fracsim.scene.vocab import Material
 from fracsim.verify.problem import Check, Setting, absolute, relative
@@ -21,16 +21,19 @@ def run(setting: Setting) -> Iterator[Check]:
     """F stays I, v stays v, momentum is kept; to round-off."""
     solver = setting.solver(50)
     X = ordered(lattice((0.16,) * 3, solver.spacing), solver.h)
-    state = free(scene(solver, Material(law="neo_hookean", E=1e4, nu=0.3), X), particles(X, solver.spacing))
+    state = free(medium(solver, Material(law="neo_hookean", E=1e4, nu=0.3)), particles(X, solver.spacing))
     put(state, V=VELOCITY)
     before, t = momentum(state), 100 * solver.h / np.linalg.norm(VELOCITY)
     advance(state, t)
-    strain, drift = np.abs(state.F.to_numpy() - np.eye(3)).max(), np.abs(state.V.to_numpy() - VELOCITY).max()
+    strain, drift = (
+        np.abs(state.points.F.to_numpy() - np.eye(3)).max(),
+        np.abs(state.points.V.to_numpy() - VELOCITY).max(),
+    )
     yield absolute("largest |F - I|", 0, float(strain), setting.by_precision(1e-5, 1e-12))
     yield absolute("largest |v - v0| / |v0|", 0, float(drift / np.linalg.norm(VELOCITY)),
                    setting.by_precision(1e-5, 1e-12))  # fmt: skip
     change = np.linalg.norm(momentum(state) - before) / np.linalg.norm(before)
     yield absolute("change of momentum, relative", 0, float(change), setting.by_precision(1e-5, 1e-12))
-    moved = state.U.to_numpy().astype(float).mean(axis=0)
+    moved = state.points.U.to_numpy().astype(float).mean(axis=0)
     yield relative("distance flown", float(np.linalg.norm(displacement(t))), float(np.linalg.norm(moved)),
                    setting.by_precision(1e-5, 1e-10), unit="m")  # fmt: skip

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import NEVER, bar, free, put, scene, turned
-from fracsim.mpm.grips import along
-from fracsim.scene.vocab import Backend, Capture, Loading, Material, Scene
+from fracsim.lab.stage import NEVER, bar, free, medium, put, turned
+from fracsim.scene.vocab import CENTRE, Backend, Capture, Loading, Material, Scene
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import thinned, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
@@ -32,7 +31,7 @@ def law_at(setting: Setting, law: str, nu: float) -> float:
     """Largest relative error of the law's von Mises stress at the closed-form F of all STRETCHES."""
     solver, worst = setting.solver(20), 0.0
     body = bar(solver)
-    state = free(scene(solver, Material(law=law, E=E, nu=nu), body.X), body)
+    state = free(medium(solver, Material(law=law, E=E, nu=nu)), body)
     for stretch in STRETCHES:
         side = thinned(law, nu, stretch)
         put(state, F=np.diag([stretch, side, side]))
@@ -58,7 +57,7 @@ def pulled(setting: Setting, law: str, nu: float, most: float, gauge: float, axi
     # The load of a frame is its mean since the frame before.
     exact = np.mean([uniaxial(law, nu, float(s))[0] for s in (stretch[-7:-1] + stretch[-6:]) / 2])
     load = np.mean(simulator.report.history.load[-6:]) / (4 * h) ** 2 / E
-    middle = np.abs(along(s.loading, simulator.particles.X)) < 2 * h
+    middle = np.abs((simulator.particles.X - np.asarray(CENTRE)) @ s.loading.axis) < 2 * h
     return float(load / exact), float(np.linalg.det(frame.F[middle]).mean() / uniaxial(law, nu, most)[2])
 
 

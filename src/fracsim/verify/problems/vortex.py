@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fracsim.lab.stage import Stage, advance, flat, free, ordered, particles, put, scene
+from fracsim.lab.stage import advance, flat, free, medium, ordered, particles, put
+from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.scene.vocab import CENTRE, Material
 from fracsim.verify.problem import Check, Setting, at_least, told
@@ -75,7 +76,7 @@ def body_force(law: str, X: Array, t: float) -> Array:
     return np.asarray(acceleration(X, t) - (radial[:, None] * e_r + tangential[:, None] * e_t) / DENSITY)
 
 
-def annulus(setting: Setting, law: str, cells: int) -> Stage:
+def annulus(setting: Setting, law: str, cells: int) -> State:
     """One layer of particles with the first velocities; `cells` a metre."""
     solver = setting.solver(2 * cells)
     n = int((OUTER + BUFFER * solver.h) / solver.spacing) + 1
@@ -84,7 +85,7 @@ def annulus(setting: Setting, law: str, cells: int) -> Stage:
     R = np.hypot(X[:, 0], X[:, 1])
     X = ordered(X[(R > INNER - BUFFER * solver.h) & (R < OUTER + BUFFER * solver.h)] + CENTRE, solver.h)
     body = particles(X, solver.spacing)
-    state = free(scene(solver, Material(law=law, E=E, nu=NU, density=DENSITY), X), body)
+    state = free(medium(solver, Material(law=law, E=E, nu=NU, density=DENSITY)), body)
     X = state.X0.astype(float)
     R = np.hypot(X[:, 0], X[:, 1])
     a, slope, _ = turn(R, 0.0)
@@ -101,19 +102,20 @@ def error(setting: Setting, law: str, cells: int) -> float:
     X = state.X0.astype(float)
     R = np.hypot(X[:, 0], X[:, 1])
     outside, flatten = (R <= INNER) | (R >= OUTER), flat(state, (2,))
-    place = np.stack(np.unravel_index(np.arange(state.layout.size), state.layout.shape), axis=1) + state.layout.lowest
-    far = np.hypot(*(place * state.scene.solver.h)[:, :2].T)
+    box = state.grid.layout
+    place = np.stack(np.unravel_index(np.arange(box.size), box.shape), axis=1) + box.lowest
+    far = np.hypot(*(place * state.medium.h)[:, :2].T)
     still = (far <= INNER) | (far >= OUTER)
 
     def before(t: float, dt: float) -> None:
         put(state, force=body_force(law, X, t))
         if t == 0:  # velocities lie half a substep behind displacements
-            put(state, V=state.V.to_numpy() - dt / 2 * acceleration(X, 0.0))
+            put(state, V=state.points.V.to_numpy() - dt / 2 * acceleration(X, 0.0))
         flatten(t, dt)
         if state.total:
-            nodes = state.velocity.to_numpy()
+            nodes = state.grid.velocity.to_numpy()
             nodes[still] = 0
-            state.velocity.from_numpy(nodes)
+            state.grid.velocity.from_numpy(nodes)
         for name in ("U", "V", "C", "F"):
             values = getattr(state, name).to_numpy()
             values[outside] = np.eye(3) if name == "F" else 0
@@ -121,7 +123,7 @@ def error(setting: Setting, law: str, cells: int) -> float:
 
     advance(state, DURATION, before=before)
     exact = displacement(X, DURATION)[~outside]
-    wrong = (state.U.to_numpy().astype(float)[~outside] - exact)[:, :2]
+    wrong = (state.points.U.to_numpy().astype(float)[~outside] - exact)[:, :2]
     return float(np.sqrt((wrong**2).sum() / (exact**2).sum()))
 
 
