@@ -16,8 +16,6 @@ CENTRE = (1.0, 1.0, 1.0)
 """Where the object's centre is placed [m]."""
 DT0, H0 = 1e-4, DOMAIN / 150
 """Substep [s] and cell size [m] at which the paper quotes its damping."""
-BUILTIN = ("bar", "bear", "bread", "bread_roll", "cake", "croissant", "duck", "muffin", "ring", "star", "whale")
-MAPS = ("flow", "strain", "stress", "damage")
 
 
 @dataclass(kw_only=True)
@@ -25,7 +23,7 @@ class Asset:
     """The object that is pulled."""
 
     kind: str = knob("builtin", "where the object comes from", choices=("builtin", "mesh", "ply"))
-    name: str = knob("bread", "built-in object (kind=builtin)", choices=BUILTIN)
+    name: str = knob("bread", "built-in object (kind=builtin)", package="fracsim.asset.objects")
     path: str = knob("", "mesh (OBJ, GLB, glTF, PLY, STL) or trained 3DGS point_cloud.ply")
     size: float = knob(0.6, "largest extent after scaling", "m", least=0.01, most=1.6)
     rotate_deg: list[float] = knob([0.0, 0.0, 0.0], "turn about x, then y, then z before placing", "deg",
@@ -45,7 +43,8 @@ class Asset:
 class Material:
     """The solid before it is damaged."""
 
-    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive")
+    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive",
+                    package="fracsim.constitutive")  # fmt: skip
     E: float = knob(6e3, "Young's modulus", "Pa", least=1e2, most=1e9)
     nu: float = knob(0.25, "Poisson's ratio", least=0.0, most=0.499)
     density: float = knob(200.0, "mass density at rest", "kg/m^3", least=1.0, most=2e4)
@@ -71,7 +70,7 @@ class Material:
 class Fracture:
     """When the material loses its strength (Eq. 4 of the paper)."""
 
-    law: str = knob("stretch", "damage law, a module of fracsim.damage")
+    law: str = knob("stretch", "damage law, a module of fracsim.damage", package="fracsim.damage")
     onset: float = knob(1.5, "largest principal stretch at which damage begins", least=1.0, most=10.0)
     crit: float = knob(2.3, "stretch at which the material has failed", least=1.0, most=10.0, open="least")
     length: float = knob(0.0, "cell size to which the thresholds belong: other cells get another lambda_crit, so that "
@@ -210,7 +209,8 @@ class Capture:
     frames: int = knob(100, "frames; frame k shows t = k / fps, frame 0 the rest state", least=1, most=10_000)
     fps: float = knob(100.0, "frames a second of simulated time", "1/s", least=1.0, most=1e5)
     rgb: bool = knob(True, "render colour")
-    maps: list[str] = knob(list(MAPS), "physics maps, modules of fracsim.maps")
+    maps: list[str] = knob(["flow", "strain", "stress", "damage"], "physics maps, modules of fracsim.maps",
+                           package="fracsim.maps")  # fmt: skip
     tracks: int = knob(2048, "surface particles whose projected paths are stored; 0 = none", least=0, most=1_000_000)
     strip: bool = knob(True, "write strip.mp4 for people")
     report: bool = knob(True, "write report.png")
