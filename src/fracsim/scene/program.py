@@ -60,7 +60,7 @@ class Program(Generic[T]):
         """Schema of a composed configuration: that of the program and, with the group `space`, draw and space."""
         if "space" not in self.groups:
             return self.schema
-        return make_dataclass(self.schema.__name__, [], bases=(self.schema, space.Draw))
+        return make_dataclass(self.schema.__name__, [], bases=(space.Draw, self.schema))
 
     def register(self, *, with_help: bool = False) -> None:
         """Make the schema known to Hydra, and the text of --help where it is wanted."""

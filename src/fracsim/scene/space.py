@@ -24,10 +24,12 @@ class Space:
     entry without values or with equal ones, and for more loadings a material than there are.
     """
 
-    materials: dict[str, list[Any]] = knob({}, "fields and their values; each combination is a material")
-    loadings: dict[str, list[Any]] = knob({}, "fields and their values; each material gets some of the combinations, "
-                                          "all different, every value about equally often")  # fmt: skip
-    per_material: int = knob(1, "loadings of each material; draw counts materials x per_material rows", least=1)
+    materials: dict[str, list[Any]] = knob({}, "fields with their values; each combination is a material")
+    loadings: dict[str, list[Any]] = knob({}, "fields with their values; each material gets per_material different "
+                                          "combinations, with each value about equally often")  # fmt: skip
+    per_material: int = knob(
+        1, "number of loadings of each material; the table has materials x per_material rows", least=1
+    )
 
     def __post_init__(self) -> None:
         check(self, "space")
@@ -54,8 +56,8 @@ class Space:
 class Draw:
     """What a configuration may hold beside its schema: one draw of a parameter table."""
 
-    draw: int = knob(-1, "row of the parameter table `space`, from 0: its values replace those of the chosen files, "
-                     "not those given as FIELD=VALUE; -1 = none", least=-1)  # fmt: skip
+    draw: int = knob(-1, "row of the parameter table `space`, from 0: sets the fields of the table, except those given "
+                     "as FIELD=VALUE; -1 = no draw", least=-1)  # fmt: skip
     space: Space = field(default_factory=Space)
 
     def __post_init__(self) -> None:
