@@ -80,11 +80,9 @@ def test_groups_are_those_of_the_primary_file(train: Program[TrainConfig], simul
     assert "model" not in simulate.groups
 
 
-def test_optional_and_unchosen_groups_count_overrides_do_not(folder: Path) -> None:
-    entries = ["schema", {"optional model": None}, {"/backend@here": "cpu"}, {"override /camera": "front"}]
-    rows = "".join(f"  - {next(iter(e.items()))[0]}: {next(iter(e.values())) or 'null'}\n" if isinstance(e, dict)
-                   else f"  - {e}\n" for e in entries)  # fmt: skip
-    (folder / "other.yaml").write_text(f"defaults:\n{rows}")
+def test_optional_and_renamed_groups_count_and_overrides_do_not(folder: Path) -> None:
+    rows = ("schema", "optional model: null", "/backend@here: cpu", "override /camera: front")
+    (folder / "other.yaml").write_text("defaults:\n" + "".join(f"  - {row}\n" for row in rows))
     assert list(Program("other", "other", Model, folder).groups) == ["backend", "model"]
 
 
