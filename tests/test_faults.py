@@ -21,7 +21,7 @@ from fracsim.lab.stage import bar
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.run import pipeline
-from fracsim.scene import program as configs
+from fracsim.scene.program import SIMULATE
 from fracsim.solve.report import Report
 from tests.command import SMALL, fracsim_command, samples, start
 
@@ -95,10 +95,17 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
         ("loading.offset=0.01", "loading.offset=0.01|loading.offset above 0.025"),
         ("solver.dt=tiny", "solver.dt=tiny|auto or a number in (0, 1]|Try solver.dt=auto"),
         ("seed=-1", "seed=-1|[0, 2147483647]"),
+        ("draw=x", "draw=x|a whole number|Try draw=-1"),
+        ("draw=-2", "draw=-2 is|[-1, inf)|Try draw=-1"),
+        ("draw=702", "draw=702 is not in the parameter table|18 materials x 39 loadings|between 0 and 701"),
+        ("draw=0 space.per_material=193", "space.per_material=193 is more than the 192|lower space.per_material"),
+        ("draw=0 space.materials=3", "space.materials=3|a mapping"),
+        ("draw=0 +space.materials.typo=[1]", "typo=1 is not a field of a scene"),
+        ("draw=0 +space.loadings.loading=[{speed:99}]", "loading.speed=99 is|(0, 20] m/s"),
         ("camera.width=100", "camera.width=100|a multiple of 16"),
         ("capture.frames=0", "capture.frames=0|[1, 10000]"),
         ("backend.arch=opencl", "backend.arch=opencl|cpu, cuda, vulkan, metal"),
-        ("asset.name=duk", "asset.name=duk|Try asset.name=duck"),
+        ("asset.name=duk", "asset.name=duk is not known|choose one of bar, bear|Did you mean duck?"),
         # Names of plug-ins, and what only the object or the solver can tell.
         ("material.law=jelly", "material.law=jelly|fixed_corotated, neo_hookean"),
         ("fracture.law=jelly", "fracture.law=jelly|choose one of stretch"),
@@ -170,13 +177,15 @@ def test_a_backend_that_is_not_there(tmp_path: Path) -> None:
 
 
 def test_python_gets_the_same_errors() -> None:
-    """`compose` and `scene` raise ValueError, whatever Hydra raises."""
+    """`compose` raises ValueError, whatever Hydra raises."""
     with pytest.raises(ValueError, match=r"material\.Ee=3 is not a field.*did you mean material\.E\?"):
         compose("material.Ee=3")
     with pytest.raises(ValueError, match=r"asset=dog is not known"):
         compose("asset=dog")
     with pytest.raises(ValueError, match=r"material\.nu=0\.5 is not allowed"):
         compose("material.nu=0.5")
+    with pytest.raises(ValueError, match=r"material=3 cannot be used: .* See python -m fracsim --help\."):
+        compose("material=3")
 
 
 def test_a_scene_that_blows_up_keeps_what_was_filmed(tmp_path: Path) -> None:
@@ -284,7 +293,7 @@ def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, m
 
 
 def test_errors_that_hydra_words_in_several_lines_are_one() -> None:
-    told = configs.explain(ValueError("first\n  second"), ["a=1"])
+    told = SIMULATE.explain(ValueError("first\n  second"), ["a=1"])
     assert told == "a=1 cannot be used: first second. See python -m fracsim --help."
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 # Let Hydra's errors arrive in main(), which explains them.
@@ -13,7 +14,7 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
 
-from fracsim.scene import program as configs
+from fracsim.scene.program import SIMULATE
 
 BAD, INTERRUPTED = 2, 130
 """Exit statuses."""
@@ -27,7 +28,7 @@ def fail(message: str) -> None:
     print(f"error: {FAILED[-1]}", file=sys.stderr)
 
 
-@hydra.main(config_path=str(configs.folder()), config_name="simulate", version_base="1.3")
+@hydra.main(config_path=str(SIMULATE.folder), config_name=SIMULATE.primary, version_base="1.3")
 def run(cfg: Any) -> None:
     """Run the scene of one composed configuration."""
     from fracsim.run import console, pipeline
@@ -37,8 +38,16 @@ def run(cfg: Any) -> None:
     if job.mode == RunMode.MULTIRUN:
         console.heading(job.job.num + 1, overrides)
     try:
-        pipeline.run(configs.scene(cfg, overrides))
+        pipeline.run(SIMULATE.resolve(cfg, overrides))
     except (ValueError, OSError, RuntimeError) as error:
+        fail(str(error))
+
+
+def show(overrides: Sequence[str]) -> None:
+    """Print the resolved scene as YAML; Hydra itself would show a draw instead of the drawn values."""
+    try:
+        print(OmegaConf.to_yaml(SIMULATE.compose(*overrides)), end="")
+    except ValueError as error:
         fail(str(error))
 
 
@@ -46,13 +55,17 @@ def main() -> None:
     """Entry point; exit status 0 when every scene finished, 2 after an error, 130 after Ctrl-C."""
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
     rest = [a for a in sys.argv[1:] if a not in multirun]
+    overrides = [a for a in rest if "=" in a]
     sys.argv[1:] = multirun + rest  # Hydra does not look for it between overrides
     FAILED.clear()
     try:
-        configs.register(configs.compose() if {"-h", "--help"} & set(rest) else None)
-        run()
+        if [a for a in rest if a not in overrides] in (["-c", "job"], ["--cfg", "job"]) and not multirun:
+            show(overrides)
+        else:
+            SIMULATE.register(with_help=bool({"-h", "--help"} & set(rest)))
+            run()
     except (HydraException, ValueError) as error:
-        fail(configs.explain(error, [a for a in rest if "=" in a]))
+        fail(SIMULATE.explain(error, overrides))
         sys.exit(BAD)
     except KeyboardInterrupt:
         print("interrupted: repeat the command to go on; finished samples are not made again", file=sys.stderr)

@@ -1,19 +1,33 @@
-"""Names in a configuration become modules: one file a law, one file a map."""
+"""Names in a configuration become modules: one file a law, a map, an object."""
 
-import pkgutil
+from difflib import get_close_matches
 from importlib import import_module
+from importlib.util import find_spec
+from pkgutil import iter_modules
 from types import ModuleType
 
 
 def names(package: str) -> tuple[str, ...]:
-    """The plug-ins of a package, as `fracsim.damage`, sorted."""
-    path = import_module(package).__path__
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")))
+    """The plug-ins of a package, as `fracsim.damage`, sorted; neither the package nor a plug-in is imported.
+
+    Raises ModuleNotFoundError when there is no such package.
+    """
+    spec = find_spec(package)
+    if spec is None:
+        raise ModuleNotFoundError(f"No package named {package!r}")
+    return tuple(sorted(m.name for m in iter_modules(spec.submodule_search_locations) if not m.name.startswith("_")))
+
+
+def check(package: str, name: str, field: str) -> None:
+    """Raise ValueError naming `field` and the known names when `package` has no module `name`."""
+    known = names(package)
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        way_out = f" Did you mean {near[0]}?" if near else ""
+        raise ValueError(f"{field}={name} is not known: choose one of {', '.join(known)}.{way_out}")
 
 
 def load(package: str, name: str, field: str) -> ModuleType:
-    """The module `name` of `package`; raises ValueError naming `field` and the known names otherwise."""
-    known = names(package)
-    if name not in known:
-        raise ValueError(f"{field}={name} is not known: choose one of {', '.join(known)}.")
+    """The module `name` of `package`; raises ValueError naming `field` and the known names when there is none."""
+    check(package, name, field)
     return import_module(f"{package}.{name}")

@@ -1,4 +1,4 @@
-"""The objects that come with the program, as particles (asset.kind=builtin)."""
+"""Built-in objects as particles (asset.kind=builtin)."""
 
 import itertools
 from types import ModuleType
@@ -15,13 +15,13 @@ DIFFERENCE = 0.2
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles of the built-in object asset.name; `seed` has no part in it."""
+    """Particles of the built-in object asset.name, independent of `seed`; raises ValueError for an unknown name."""
     module = registry.load("fracsim.asset.objects", asset.name, "asset.name")
     return of_module(module, asset, spacing)
 
 
 def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
-    """Particles of an object with `distance`, `colour` and `BOUNDS`; raises ValueError when it needs too many."""
+    """Particles at `spacing` [m] of an object with `distance`, `colour` and `BOUNDS`; raises ValueError if too many."""
     R = place.rotation(asset.rotate_deg)
     placement, lo, hi = _placed(module, asset, R)
 
@@ -44,7 +44,7 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
 
 
 def _placed(module: ModuleType, asset: Asset, R: Array) -> tuple[place.Placement, Array, Array]:
-    """Where the object stands, and its bounding box in the world."""
+    """Placement of the object, and the lower and upper corner of its bounding box in the world [m]."""
     corners = np.array(list(itertools.product(*zip(*module.BOUNDS, strict=True)))) @ R.T
 
     def turned(P: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from fracsim.fuzz.bodies import Body
 from fracsim.mpm.state import State
 from fracsim.records import Array
-from fracsim.scene import program as configs
+from fracsim.scene.program import SIMULATE
 from fracsim.scene.vocab import Scene
 
 CALM, LIGHT = 0.3, 0.2
@@ -79,7 +79,7 @@ class Case:
         """The validated scene; raises ValueError for one that is not allowed."""
         from omegaconf import OmegaConf
 
-        return configs.scene(OmegaConf.create(self.scene))
+        return SIMULATE.resolve(OmegaConf.create(self.scene))
 
 
 def sensible(case: Case, scene: Scene) -> bool:

@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from fracsim import backend
+from fracsim import backend, registry
 from fracsim.asset import ply
 from fracsim.asset.build import build
 from fracsim.lab.machine import cpu
 from fracsim.records import Array
 from fracsim.render.film import Film
 from fracsim.scene.program import compose
-from fracsim.scene.vocab import BUILTIN, Backend, Scene
+from fracsim.scene.vocab import Backend, Scene
 from fracsim.solve.march import SimulationError
 from fracsim.solve.simulator import Simulator
 
@@ -34,7 +34,7 @@ TORN = (*BASE, "loading.speed=4", "capture.frames=8", "capture.fps=100")
 """Breaks within eight frames."""
 UPDATED = "solver=updated"
 SCENES: dict[str, tuple[str, ...]] = {
-    **{f"object {name}": (*TORN, f"asset={name}") for name in BUILTIN},
+    **{f"object {name}": (*TORN, f"asset={name}") for name in registry.names("fracsim.asset.objects")},
     "updated bread": (*TORN, UPDATED),
     "updated duck": (*TORN, UPDATED, "asset=duck"),
     "updated four particles an axis": (*TORN, UPDATED, "solver.particles_per_axis=4", "asset=bar"),

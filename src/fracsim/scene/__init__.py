@@ -1,1 +1,1 @@
-"""What is simulated, as validated data: the vocabulary of a scene, and the way to it from files. No Taichi here."""
+"""Scenes as validated data, and the programs that read them from YAML files and the command line. No Taichi here."""

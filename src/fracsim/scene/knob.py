@@ -4,9 +4,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
+from operator import attrgetter
 from typing import Any
 
-KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+from fracsim import registry
+
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", dict: "a mapping"}
 """What to call a value of a type; a bool is an int, so it comes first."""
 
 
@@ -14,6 +17,8 @@ def text(value: Any) -> str:
     """A value as it is written on the command line."""
     if isinstance(value, (list, tuple)):
         return f"[{','.join(text(item) for item in value)}]"
+    if isinstance(value, dict):
+        return f"{{{','.join(f'{key}:{text(item)}' for key, item in value.items())}}}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -23,7 +28,10 @@ def text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Knob:
-    """What a field means and which values it may take; bounds are inclusive unless `open` names the end."""
+    """What a field means and which values it may take; bounds are inclusive unless `open` names the end.
+
+    The value of a field with a `package` is the name, or a list of names, of modules of this package.
+    """
 
     doc: str
     unit: str = ""
@@ -31,10 +39,12 @@ class Knob:
     most: float = math.inf
     open: str = ""
     choices: tuple[str, ...] = ()
+    package: str = ""
 
     def allowed(self) -> str:
         """The admissible values, for people; "" when the type says it all."""
-        return " | ".join([*self.choices, *self._range()])
+        modules = registry.names(self.package) if self.package else ()
+        return " | ".join([*self.choices, *modules, *self._range()])
 
     def _range(self) -> list[str]:
         """The interval and its unit, in a list of one, or none."""
@@ -62,12 +72,12 @@ class Knob:
         return f"{name}={text(value)} is not allowed: it must be {self.wanted(default)} ({self.doc}).{way_out}"
 
     def admits(self, value: Any) -> bool:
-        """Whether `value` (a number, a string, or a list of either) is admissible."""
+        """Whether `value` (a number, a string, a mapping, or a list of these) is admissible; see also `check_names`."""
         if isinstance(value, (list, tuple)):
             return all(self.admits(item) for item in value)
         if isinstance(value, str):
             return not self.choices or value in self.choices
-        if isinstance(value, bool) or value is None:
+        if isinstance(value, (bool, dict)) or value is None:
             return True
         return math.isfinite(value) and self._above(value) and self._below(value)
 
@@ -79,7 +89,10 @@ class Knob:
 
 
 def knob(default: Any, doc: str, unit: str = "", **limits: Any) -> Any:
-    """A dataclass field with documentation, unit and admissible values (`least`, `most`, `open`, `choices`)."""
+    """A dataclass field with documentation, unit and admissible values.
+
+    `limits`: `least`, `most`, `open`, `choices`, `package`, as in `Knob`.
+    """
     metadata = {"knob": Knob(doc, unit, **limits)}
     if isinstance(default, (list, dict)):
         return field(default_factory=lambda: type(default)(default), metadata=metadata)
@@ -93,6 +106,15 @@ def check(section: Any, name: str) -> None:
         value = getattr(section, f.name)
         if rule is not None and not rule.admits(value):
             raise ValueError(rule.refusal(f"{name}.{f.name}" if name else f.name, value, default_of(f)))
+
+
+def check_names(config: Any) -> None:
+    """Raise ValueError for the first field of `config` that names a module that its package does not have."""
+    for name, _, rule in describe(type(config)):
+        if rule.package:
+            value = attrgetter(name)(config)
+            for one in value if isinstance(value, list) else [value]:
+                registry.check(rule.package, one, name)
 
 
 def default_of(f: "Field[Any]") -> Any:

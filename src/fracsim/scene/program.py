@@ -1,102 +1,153 @@
-"""From YAML files and the command line to a validated `Scene`."""
+"""Programs that are configured by the YAML files in conf/: from files and the command line to a validated object."""
 
-from collections.abc import Sequence
-from difflib import get_close_matches
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, make_dataclass
+from functools import cached_property
+from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from fracsim.scene.knob import describe
+from fracsim.scene import explain, space
+from fracsim.scene.knob import check_names, text
 from fracsim.scene.manual import manual
 from fracsim.scene.vocab import Scene
 
-HELP = "See python -m fracsim --help."
+T = TypeVar("T")
 
 
-def folder() -> Path:
-    """The folder of YAML files: inside the installed package, or at the top of a checkout."""
+def conf() -> Path:
+    """The folder of YAML files of all programs: inside the installed package, or at the top of a checkout."""
     packaged = Path(__file__).parents[1] / "conf"
     return packaged if packaged.is_dir() else Path(__file__).parents[3] / "conf"
 
 
-def register(shown: Scene | None = None) -> None:
-    """Make the schema and the help text, with the values of the scene `shown`, known to Hydra."""
-    from hydra.core.config_store import ConfigStore
+@dataclass(frozen=True)
+class Program(Generic[T]):
+    """A command, the primary file of its configuration, and the dataclass that a configuration becomes.
 
-    store = ConfigStore.instance()
-    store.store(name="scene", node=Scene)
-    template = manual(folder(), shown).replace("$", "$$") if shown else ""
-    node = {"app_name": "fracsim", "header": "", "footer": "", "template": template}
-    store.store(group="hydra/help", name="fracsim", node=node)
-
-
-def scene(cfg: Any, overrides: Sequence[str] = ()) -> Scene:
-    """The validated scene of a configuration composed with `overrides`.
-
-    Raises ValueError for a key or a value that is not allowed.
+    The primary file says the rest. The comment at its top begins the help. Its defaults list names the schema (`scene`
+    for Scene, `train_config` for TrainConfig), the groups of the program, and `override hydra/help: PRIMARY`. With the
+    group `space` the program also has the field `draw`.
     """
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
 
-    try:
-        # Composing lets +key=value pass; merging into the schema does not.
-        merged = OmegaConf.merge(OmegaConf.structured(Scene), OmegaConf.to_container(cfg, resolve=True))
-        out = OmegaConf.to_object(merged)
-    except OmegaConfBaseException as error:
-        raise ValueError(explain(error, overrides)) from None
-    assert isinstance(out, Scene)
-    return out
+    name: str
+    """What follows `python -m`."""
+    primary: str
+    """Name of the primary file in `folder`, without .yaml."""
+    schema: type[T]
+    """Dataclass whose fields are knobs or dataclasses of knobs."""
+    folder: Path = conf()
 
+    @property
+    def noun(self) -> str:
+        """What one object of the schema is called, as `train config`."""
+        return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", self.schema.__name__).lower()
 
-def compose(*overrides: str) -> Scene:
-    """The scene that `python -m fracsim OVERRIDES...` runs; for use from Python.
+    @cached_property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """The groups in the defaults list of the primary file, and the files of each, sorted."""
+        from omegaconf import OmegaConf
 
-    Raises ValueError naming the override that cannot be used.
-    """
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_dir
-    from hydra.errors import HydraException
+        content: Any = OmegaConf.to_container(OmegaConf.load(self.folder / f"{self.primary}.yaml"))
+        entries = [key for entry in content.get("defaults", []) if isinstance(entry, dict) for key in entry]
+        named = [key.rpartition(" ")[2].partition("@")[0].strip("/") for key in entries if "override " not in key]
+        return {name: tuple(sorted(p.stem for p in (self.folder / name).glob("*.yaml"))) for name in sorted(named)}
 
-    register()
-    with initialize_config_dir(str(folder()), version_base="1.3"):
+    @cached_property
+    def config(self) -> type:
+        """Schema of a composed configuration: that of the program and, with the group `space`, draw and space."""
+        if "space" not in self.groups:
+            return self.schema
+        return make_dataclass(self.schema.__name__, [], bases=(space.Draw, self.schema))
+
+    def register(self, *, with_help: bool = False) -> None:
+        """Make the schema known to Hydra, and the text of --help where it is wanted."""
+        from hydra.core.config_store import ConfigStore
+
+        store = ConfigStore.instance()
+        store.store(name=self.noun.replace(" ", "_"), node=self.config)
+        template = self.manual().replace("$", "$$") if with_help else ""
+        node = {"app_name": self.name, "header": "", "footer": "", "template": template}
+        store.store(group="hydra/help", name=self.primary, node=node)
+
+    def manual(self) -> str:
+        """The text of --help."""
+        from omegaconf import OmegaConf
+
+        lines = (self.folder / f"{self.primary}.yaml").read_text(encoding="utf-8").splitlines()
+        about = "\n".join(line[2:] for line in takewhile(lambda line: line.startswith("#"), lines))
+        values = OmegaConf.to_container(self._composed(()), resolve=True)
+        return manual(about, self.noun, self.groups, self.config, values)
+
+    def compose(self, *overrides: str) -> T:
+        """The object that `python -m NAME OVERRIDES...` works on; for use from Python, also inside a Hydra program.
+
+        Raises ValueError naming the override that cannot be used.
+        """
+        return self.resolve(self._composed(overrides), overrides)
+
+    def resolve(self, cfg: Any, overrides: Sequence[str] = ()) -> T:
+        """The validated object of a configuration composed with `overrides`; `draw` and `space` are used up.
+
+        Raises ValueError for a key or a value that is not allowed.
+        """
+        from omegaconf import OmegaConf
+        from omegaconf.errors import OmegaConfBaseException
+
         try:
-            return scene(hydra_compose("simulate", overrides=list(overrides)), overrides)
-        except HydraException as error:
-            raise ValueError(explain(error, overrides)) from None
+            # Composing lets +key=value pass; merging into the schema does not.
+            content: Any = OmegaConf.to_container(cfg, resolve=True)
+            drawn = space.take(content, explain.fields(overrides)) if "space" in self.groups else {}
+            overrides = [*overrides, *(f"{field}={text(value)}" for field, value in drawn.items())]
+            out = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(self.schema), content))
+        except OmegaConfBaseException as error:
+            raise ValueError(self.explain(error, overrides)) from None
+        assert isinstance(out, self.schema)
+        check_names(out)
+        return out
+
+    def explain(self, error: Exception, overrides: Sequence[str]) -> str:
+        """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
+        return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
+
+    def _composed(self, overrides: Sequence[str]) -> Any:
+        """The configuration as Hydra composes it; raises ValueError."""
+        from hydra import compose, initialize_config_dir
+        from hydra.errors import HydraException
+
+        with _hydra_alone():
+            self.register()
+            with initialize_config_dir(str(self.folder), version_base="1.3"):
+                try:
+                    return compose(self.primary, overrides=list(overrides))
+                except (HydraException, ValueError) as error:
+                    raise ValueError(self.explain(error, overrides)) from None
 
 
-def explain(error: Exception, overrides: Sequence[str]) -> str:
-    """What an error of Hydra or OmegaConf about `overrides` means here: the field, the value and the way out."""
-    from hydra.errors import MissingConfigException, OverrideParseException
-    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
+@contextmanager
+def _hydra_alone() -> Iterator[None]:
+    """A Hydra without state; the state that a Hydra program around this one has set up comes back afterwards."""
+    from copy import deepcopy
 
-    if isinstance(error, OverrideParseException):
-        return (f"{error.override} cannot be read: write field=value, as material.E=2e3; a value with signs like # ( ) "
-                f"""needs two pairs of quotes, as 'asset.interior="#f2e0c0"'. {HELP}""")  # fmt: skip
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
-        group, _, choice = error.missing_cfg_file.rpartition("/")
-        return f"{group}={choice} is not known: choose one of {', '.join(error.options or ())}."
-    cause = error.__cause__ or error
-    if not isinstance(cause, OmegaConfBaseException) or not cause.full_key:
-        named = [o for o in overrides if o in str(error)] or overrides
-        return f"{' '.join(named)} cannot be used: {' '.join(str(error).split()).rstrip('.')}. {HELP}"
-    field = cause.full_key.partition("[")[0]
-    pairs = (o.lstrip("+~").partition("=") for o in overrides)
-    value = ([v for key, _, v in pairs if f"{key}.".startswith(f"{field}.")] or [""])[-1]
-    if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
-        return f"{field}={value} is not a field of a scene: {_instead(field)} {HELP}"
-    for name, default, knob in describe(Scene):
-        if name == field and isinstance(cause, ValidationError):
-            return knob.refusal(name, value, default)
-    return f"{field}={value} cannot be used: {str(cause).splitlines()[0]}. {HELP}"
+    from hydra.core.config_store import ConfigStore
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.core.plugins import Plugins
+    from hydra.version import VersionBase
+
+    Plugins.instance()  # their schemas go into the store that stays
+    store, hydra, base = ConfigStore.instance(), GlobalHydra.instance().hydra, VersionBase.instance().version_base
+    repo = store.repo
+    store.repo = deepcopy(repo)
+    GlobalHydra.instance().clear()
+    try:
+        yield
+    finally:
+        GlobalHydra.instance().hydra, store.repo = hydra, repo
+        VersionBase.instance().version_base = base
 
 
-def _instead(field: str) -> str:
-    """What somebody who typed `field` may have meant."""
-    known = {name: name.rpartition(".")[2] for name, _, _ in describe(Scene)}
-    section, _, leaf = field.rpartition(".")
-    siblings = [name for name in known if section and name.startswith(f"{section}.")]
-    alike = [leaf, *get_close_matches(leaf, [known[name] for name in siblings or known], n=1)]
-    near = [name for a in alike for name in known if known[name] == a]
-    if near:
-        return f"did you mean {near[0]}?"
-    return f"choose one of {', '.join(siblings or sorted({name.partition('.')[0] for name in known}))}."
+SIMULATE: Program[Scene] = Program("fracsim", "simulate", Scene)
+"""`python -m fracsim`."""
+compose = SIMULATE.compose

@@ -1,7 +1,7 @@
-"""The vocabulary of a scene: what is pulled, of what it is made, how it tears, who watches.
+"""The vocabulary of a scene: object, material, fracture, loading, solver, camera, capture, backend, output.
 
 Plain dataclasses in SI units (angles in degrees, counter-clockwise from image right). They are the schema of the
-YAML files in `conf/`: a key that is not here, or a value outside its range, is one clear error.
+YAML files in `conf/`: a key that is not here, or a value outside its range, is one clear error (ValueError).
 """
 
 import math
@@ -13,25 +13,23 @@ from fracsim.scene.knob import check, knob
 DOMAIN = 2.0
 """Edge of the paper's cubic domain [m]; a cell has the size DOMAIN / solver.cells."""
 CENTRE = (1.0, 1.0, 1.0)
-"""Where the object's centre is placed [m]."""
+"""Centre of the placed object [m]."""
 DT0, H0 = 1e-4, DOMAIN / 150
 """Substep [s] and cell size [m] at which the paper quotes its damping."""
-BUILTIN = ("bar", "bear", "bread", "bread_roll", "cake", "croissant", "duck", "muffin", "ring", "star", "whale")
-MAPS = ("flow", "strain", "stress", "damage")
 
 
 @dataclass(kw_only=True)
 class Asset:
-    """The object that is pulled."""
+    """The object under load."""
 
     kind: str = knob("builtin", "where the object comes from", choices=("builtin", "mesh", "ply"))
-    name: str = knob("bread", "built-in object (kind=builtin)", choices=BUILTIN)
+    name: str = knob("bread", "built-in object (kind=builtin)", package="fracsim.asset.objects")
     path: str = knob("", "mesh (OBJ, GLB, glTF, PLY, STL) or trained 3DGS point_cloud.ply")
     size: float = knob(0.6, "largest extent after scaling", "m", least=0.01, most=1.6)
-    rotate_deg: list[float] = knob([0.0, 0.0, 0.0], "turn about x, then y, then z before placing", "deg",
+    rotate_deg: list[float] = knob([0.0, 0.0, 0.0], "rotation about x, then y, then z, before placing", "deg",
                                    least=-360, most=360)  # fmt: skip
-    interior: str = knob("", "colour inside a mesh or splat object as #rrggbb; empty = from its surface")
-    opacity_threshold: float = knob(0.02, "splats with less opacity are dropped (kind=ply)", least=0, most=1)
+    interior: str = knob("", "colour inside a mesh or splat object, as #rrggbb; empty = that of its surface")
+    opacity_threshold: float = knob(0.02, "drop splats of lower opacity (kind=ply)", least=0, most=1)
     max_particles: int = knob(3_000_000, "refuse objects that need more particles", least=1)
 
     def __post_init__(self) -> None:
@@ -43,9 +41,10 @@ class Asset:
 
 @dataclass(kw_only=True)
 class Material:
-    """The solid before it is damaged."""
+    """The undamaged solid."""
 
-    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive")
+    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive",
+                    package="fracsim.constitutive")  # fmt: skip
     E: float = knob(6e3, "Young's modulus", "Pa", least=1e2, most=1e9)
     nu: float = knob(0.25, "Poisson's ratio", least=0.0, most=0.499)
     density: float = knob(200.0, "mass density at rest", "kg/m^3", least=1.0, most=2e4)
@@ -71,12 +70,13 @@ class Material:
 class Fracture:
     """When the material loses its strength (Eq. 4 of the paper)."""
 
-    law: str = knob("stretch", "damage law, a module of fracsim.damage")
+    law: str = knob("stretch", "damage law, a module of fracsim.damage", package="fracsim.damage")
     onset: float = knob(1.5, "largest principal stretch at which damage begins", least=1.0, most=10.0)
     crit: float = knob(2.3, "stretch at which the material has failed", least=1.0, most=10.0, open="least")
-    length: float = knob(0.0, "cell size to which the thresholds belong: other cells get another lambda_crit, so that "
-                         "the work to part a section stays; 0 = never", "m", least=0.0, most=1.0)  # fmt: skip
-    at_grips: bool = knob(False, "let grip particles and those within 1.5 h of what a grip moves accumulate damage")
+    length: float = knob(0.0, "cell size for which onset and crit are meant; on other cells lambda_crit is rescaled "
+                         "so that the fracture energy per area stays the same; 0 = no rescaling", "m",
+                         least=0.0, most=1.0)  # fmt: skip
+    at_grips: bool = knob(False, "accumulate damage also in grip particles and within 1.5 h of nodes that a grip moves")
 
     def __post_init__(self) -> None:
         check(self, "fracture")
@@ -125,40 +125,40 @@ class Loading:
 class Solver:
     """How the motion is computed."""
 
-    formulation: str = knob("total", "weights from rest (total) or present (updated) positions",
+    formulation: str = knob("total", "total: weights from the rest configuration; updated: from the present one",
                             choices=("total", "updated"))  # fmt: skip
     cells: int = knob(150, "grid cells along the paper's 2 m domain; h = 2 / cells", least=8, most=2000)
-    particles_per_axis: float = knob(2.0, "particles a cell and axis at rest", least=1.0, most=8.0)
+    particles_per_axis: float = knob(2.0, "particles per cell and axis at rest", least=1.0, most=8.0)
     dt: float | int | str = knob("auto", "substep: auto (stability bound), or a fixed value in s", least=0, most=1.0,
                            open="least", choices=("auto",))  # fmt: skip
     dt_override: bool = knob(False, "allow a fixed dt beyond the stability bound at rest")
     safety: float = knob(0.8, "fraction of the stability bound that dt: auto takes", least=0.01, most=1.0)
     projection: float | int | str = knob(
-        0.5, "how often velocities are projected on the particles while a wave crosses a cell (total); every: each "
-        "substep, as APIC does", least=0, most=1e3, choices=("every",))  # fmt: skip
-    pressure: str = knob("auto", "cell: that of the mean J of the particles that share a cell at rest, which does not "
-                         "lock near nu = 0.5; particle: that of its own J; auto: cell in total, particle in updated",
+        0.5, "projections of the velocities on the particles while a wave crosses a cell (total); every: one in each "
+        "substep, as in APIC", least=0, most=1e3, choices=("every",))  # fmt: skip
+    pressure: str = knob("auto", "cell: from the mean J of the particles that share a cell at rest, free of locking "
+                         "near nu = 0.5; particle: from its own J; auto: cell in total, particle in updated",
                          choices=("auto", "cell", "particle"))  # fmt: skip
-    damping: str = knob("physical", "physical: viscosity and decay rate; per_substep: the paper's factors each "
-                        "substep, whatever dt is; none", choices=("physical", "per_substep", "none"))  # fmt: skip
+    damping: str = knob("physical", "physical: viscosity and decay rate; per_substep: the paper's factors in each "
+                        "substep, independent of dt; none", choices=("physical", "per_substep", "none"))  # fmt: skip
     precision: str = knob("float32", "floating-point type of the simulation", choices=("float32", "float64"))
     walls: bool = knob(False, "sticky walls three cells inside the [0, 2]^3 domain (updated)")
-    until: str = knob("end", "end: simulate all frames; settled: once it is torn and at rest but for the motion of the "
-                      "grips, the pieces move on rigidly (total)", choices=("end", "settled"))  # fmt: skip
-    max_speed: float = knob(500.0, "stop when a particle is faster", "m/s", least=1.0, most=1e5)
+    until: str = knob("end", "end: simulate all frames; settled (total): once the pieces only follow their grips, move "
+                      "them rigidly instead of simulating them", choices=("end", "settled"))  # fmt: skip
+    max_speed: float = knob(500.0, "stop the run when a particle is faster", "m/s", least=1.0, most=1e5)
 
     def __post_init__(self) -> None:
         check(self, "solver")
         self.dt, self.projection = (v if isinstance(v, str) else float(v) for v in (self.dt, self.projection))
         if self.walls and self.formulation == "total":
-            raise ValueError("solver.walls=true needs the present positions: set solver.formulation=updated.")
+            raise ValueError("solver.walls=true needs present positions: set solver.formulation=updated.")
         if self.pressure == "cell" and self.formulation == "updated":
             raise ValueError(
                 "solver.pressure=cell needs cells that keep their particles: set solver.formulation=total, or "
                 "solver.pressure=auto."
             )
         if self.until == "settled" and self.formulation == "updated":
-            raise ValueError("solver.until=settled needs fragments that are known: set solver.formulation=total.")
+            raise ValueError("solver.until=settled needs fragments, unknown in updated: set solver.formulation=total.")
 
     @property
     def h(self) -> float:
@@ -167,26 +167,26 @@ class Solver:
 
     @property
     def cellwise(self) -> bool:
-        """Whether the particles of a cell share one pressure."""
+        """Whether the particles of a cell share one pressure: solver.pressure, with auto resolved."""
         return self.formulation == "total" and self.pressure != "particle"
 
     @property
     def spacing(self) -> float:
-        """Distance of particles at rest [m]."""
+        """Particle spacing at rest [m]."""
         return self.h / self.particles_per_axis
 
 
 @dataclass(kw_only=True)
 class Camera:
-    """Who watches; by default from the front, wide enough for the whole motion of the grips."""
+    """Default: front view that frames the full travel of both grips."""
 
     width: int = knob(512, "picture width, a multiple of 16", "px", least=16, most=4096)
     height: int = knob(512, "picture height, a multiple of 16", "px", least=16, most=4096)
     fov_deg: float = knob(40.0, "vertical field of view", "deg", least=1.0, most=120.0)
-    azimuth_deg: float = knob(0.0, "orbit about the vertical, 0 looks along -z", "deg", least=-360, most=360)
+    azimuth_deg: float = knob(0.0, "orbit about the vertical; 0 looks along -z", "deg", least=-360, most=360)
     elevation_deg: float = knob(0.0, "orbit upwards", "deg", least=-89, most=89)
-    half_width: float = knob(0.0, "half of what is seen around the centre; 0 = the whole motion", "m",
-                             least=0.0, most=100.0)  # fmt: skip
+    half_width: float = knob(0.0, "half width of the view at the object's centre; 0 = frames the full travel of both "
+                             "grips", "m", least=0.0, most=100.0)  # fmt: skip
     matrix: list[float] = knob([], "explicit world-to-camera matrix, 16 numbers by rows (x right, y down, z ahead)",
                                least=-1e6, most=1e6)  # fmt: skip
     intrinsics: list[float] = knob([], "explicit fx, fy, cx, cy, together with matrix", "px", least=-1e6, most=1e6)
@@ -207,15 +207,16 @@ class Camera:
 class Capture:
     """What is recorded."""
 
-    frames: int = knob(100, "frames; frame k shows t = k / fps, frame 0 the rest state", least=1, most=10_000)
-    fps: float = knob(100.0, "frames a second of simulated time", "1/s", least=1.0, most=1e5)
+    frames: int = knob(100, "number of frames; frame k shows t = k / fps, frame 0 the rest state", least=1, most=10_000)
+    fps: float = knob(100.0, "frames per second of simulated time", "1/s", least=1.0, most=1e5)
     rgb: bool = knob(True, "render colour")
-    maps: list[str] = knob(list(MAPS), "physics maps, modules of fracsim.maps")
-    tracks: int = knob(2048, "surface particles whose projected paths are stored; 0 = none", least=0, most=1_000_000)
-    strip: bool = knob(True, "write strip.mp4 for people")
-    report: bool = knob(True, "write report.png")
-    gaussians: bool = knob(False, "write a 3DGS .ply a frame")
-    particles: bool = knob(False, "write the particle state a frame as .npz")
+    maps: list[str] = knob(["flow", "strain", "stress", "damage"], "physics maps, modules of fracsim.maps",
+                           package="fracsim.maps")  # fmt: skip
+    tracks: int = knob(2048, "surface particles with stored image paths; 0 = none", least=0, most=1_000_000)
+    strip: bool = knob(True, "write strip.mp4, all pictures side by side")
+    report: bool = knob(True, "write report.png, curves of load, stretch, damage and substep")
+    gaussians: bool = knob(False, "write a 3DGS .ply per frame")
+    particles: bool = knob(False, "write the particle state as .npz per frame")
 
     def __post_init__(self) -> None:
         check(self, "capture")
@@ -229,13 +230,13 @@ class Capture:
 
     @property
     def renders(self) -> bool:
-        """Whether any picture is asked for."""
+        """Whether any picture is rendered."""
         return bool(self.rgb or self.maps)
 
 
 @dataclass(kw_only=True)
 class Backend:
-    """Where it runs; never part of a sample's identity."""
+    """Where the simulation runs; never part of a sample's identity."""
 
     arch: str = knob("cpu", "Taichi backend", choices=("cpu", "cuda", "vulkan", "metal"))
     threads: int = knob(0, "CPU threads; 0 = all cores", least=0, most=1024)
@@ -248,15 +249,15 @@ class Backend:
 class Output:
     """Where samples are written; never part of a sample's identity."""
 
-    folder: str = knob("outputs", "one folder a sample is made in here")
-    overwrite: bool = knob(False, "make the sample again although it is there and whole")
+    folder: str = knob("outputs", "parent of the folders of samples")
+    overwrite: bool = knob(False, "repeat a finished sample")
 
 
 @dataclass(kw_only=True)
 class Scene:
-    """Everything that fixes one simulation."""
+    """All inputs of one simulation."""
 
-    quality: str = knob("default", "the preset this scene started from (a label)")
+    quality: str = knob("default", "preset of this scene (a label)")
     seed: int = knob(0, "seed of every random choice", least=0, most=2**31 - 1)
     asset: Asset = field(default_factory=Asset)
     material: Material = field(default_factory=Material)

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import shading, texture
-from fracsim.asset.objects.shapes import Array, box, in_blocks, smoothstep, vector
+from fracsim.asset.procedural import shading, texture
+from fracsim.asset.procedural.shapes import Array, box, in_blocks, smoothstep, vector
 
 BOUNDS = ((-0.32, -0.12, -0.12), (0.32, 0.12, 0.12))
 CLASS = "high_stretch"

@@ -4,8 +4,18 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, hypot, in_blocks, mirror, smoothstep, sphere, union
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import (
+    Array,
+    capsule,
+    ellipsoid,
+    hypot,
+    in_blocks,
+    mirror,
+    smoothstep,
+    sphere,
+    union,
+)
 
 BOUNDS = ((-0.52, -0.56, -0.25), (0.52, 0.56, 0.30))
 CLASS = "high_stretch"

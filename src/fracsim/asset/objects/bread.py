@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, box, hypot, in_blocks, smoothstep, tilt, union, unsqueeze, vector
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, box, hypot, in_blocks, smoothstep, tilt, union, unsqueeze, vector
 
 BOUNDS = ((-0.53, -0.48, -0.17), (0.53, 0.45, 0.17))
 CLASS = "low_stretch"

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, ellipsoid, hypot, in_blocks, smoothstep, tilt, union, unsqueeze
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, ellipsoid, hypot, in_blocks, smoothstep, tilt, union, unsqueeze
 
 BOUNDS = ((-0.53, -0.51, -0.26), (0.53, 0.47, 0.23))
 CLASS = "low_stretch"

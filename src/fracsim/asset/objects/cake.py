@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import (
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import (
     Array,
     cylinder,
     ellipsoid,

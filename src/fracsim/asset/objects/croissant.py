@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, hypot, in_blocks, smoothstep
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, hypot, in_blocks, smoothstep
 
 BOUNDS = ((-0.52, -0.41, -0.24), (0.52, 0.50, 0.24))
 CLASS = "low_stretch"

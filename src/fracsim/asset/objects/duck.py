@@ -4,8 +4,18 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, in_blocks, mirror, smoothstep, sphere, union, vector
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import (
+    Array,
+    capsule,
+    ellipsoid,
+    in_blocks,
+    mirror,
+    smoothstep,
+    sphere,
+    union,
+    vector,
+)
 
 BOUNDS = ((-0.56, -0.46, -0.33), (0.53, 0.51, 0.33))
 CLASS = "high_stretch"

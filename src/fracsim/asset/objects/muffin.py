@@ -4,8 +4,8 @@ import functools
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import (
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import (
     Array,
     box2,
     ellipsoid,

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, hypot, in_blocks, smoothstep, torus
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, hypot, in_blocks, smoothstep, torus
 
 BOUNDS = ((-0.52, -0.52, -0.16), (0.52, 0.52, 0.16))
 CLASS = "high_stretch"

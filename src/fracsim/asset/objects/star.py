@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, ellipsoid, extrude, hypot, in_blocks, mirror, smoothstep, union
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, ellipsoid, extrude, hypot, in_blocks, mirror, smoothstep, union
 
 BOUNDS = ((-0.54, -0.47, -0.17), (0.54, 0.57, 0.17))
 CLASS = "high_stretch"

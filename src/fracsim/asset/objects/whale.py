@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from fracsim.asset.objects import noise, shading, texture
-from fracsim.asset.objects.shapes import Array, capsule, ellipsoid, hypot, in_blocks, mirror, smoothstep, union
+from fracsim.asset.procedural import noise, shading, texture
+from fracsim.asset.procedural.shapes import Array, capsule, ellipsoid, hypot, in_blocks, mirror, smoothstep, union
 
 BOUNDS = ((-0.52, -0.48, -0.34), (0.59, 0.50, 0.34))
 CLASS = "high_stretch"

@@ -18,7 +18,7 @@ from fracsim.run import console, pipeline
 from fracsim.scene.knob import describe
 from tests.command import SMALL, fracsim_command, samples
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DUCK = Path("../shared/data/Duck.glb")
 
 
@@ -153,7 +153,7 @@ def test_help_names_every_field_value_range_and_group() -> None:
         assert f" {name}=" in said, name
         assert " ".join(knob.doc.split()) in said, name
         assert f"{{{knob.allowed()}}}" in said or not knob.allowed(), name
-    for package in ("fracsim.constitutive", "fracsim.damage", "fracsim.maps"):
+    for package in ("fracsim.asset.objects", "fracsim.constitutive", "fracsim.damage", "fracsim.maps"):
         assert f"{{{' | '.join(registry.names(package))}}}" in said
     for file in (ROOT / "conf").glob("*/*.yaml"):
         assert re.search(rf"\b{file.parent.name} [\w, ]*\b{file.stem}\b", said), file

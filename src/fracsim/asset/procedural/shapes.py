@@ -1,7 +1,7 @@
 """Distance functions of simple solids, negative inside, and the ways to join them.
 
-Inside this folder points and colours are rows [3, N], one contiguous row a coordinate or channel: NumPy is then several
-times faster than on [N, 3]. `in_blocks` turns such a function into the public one on [N, 3].
+Here and in the objects, points and colours are rows [3, N], one contiguous row a coordinate or channel: NumPy is then
+several times faster than on [N, 3]. `in_blocks` turns such a function into the public one on [N, 3].
 """
 
 import functools

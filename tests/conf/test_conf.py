@@ -1,5 +1,6 @@
 """conf/ and `fracsim.scene.vocab` say the same, and the presets hold the numbers that were decided."""
 
+import importlib
 import math
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -9,16 +10,13 @@ import pytest
 from omegaconf import OmegaConf
 
 from fracsim import Scene, compose, registry
-from fracsim.scene import program as configs
 from fracsim.scene.knob import describe
-from fracsim.scene.vocab import BUILTIN, DT0, H0, MAPS
+from fracsim.scene.program import SIMULATE
+from fracsim.scene.vocab import DT0, H0
 
-CONF = configs.folder()
-FILES = sorted(CONF.glob("*/*.yaml"))
-GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir())
-FIELDS = {name for name, _, _ in describe(Scene)}
-RUBBER = ("bear", "duck", "ring", "star", "whale")
-BREAD = ("bread", "bread_roll", "cake", "croissant", "muffin")
+FILES = [SIMULATE.folder / group / f"{choice}.yaml" for group, choices in SIMULATE.groups.items() for choice in choices]
+FIELDS = {name for name, _, _ in describe(SIMULATE.config)}
+OBJECTS = registry.names("fracsim.asset.objects")
 
 
 def name(file: Path) -> str:
@@ -46,8 +44,9 @@ def test_every_file_composes_and_has_its_way(file: Path) -> None:
     scene = OmegaConf.structured(compose(*choice(file)))
     content = OmegaConf.load(file)
     for key in keys(file):
-        told = OmegaConf.select(content, key if "@package _global_" in file.read_text() else key.partition(".")[2])
-        assert OmegaConf.select(scene, key) == told or name(file) in ("asset=mesh", "asset=ply")
+        written = OmegaConf.select(content, key if "@package _global_" in file.read_text() else key.partition(".")[2])
+        used_up = key.startswith("space.")  # by the draw; see test_space.py
+        assert used_up or OmegaConf.select(scene, key) == written or name(file) in ("asset=mesh", "asset=ply")
 
 
 @pytest.mark.parametrize("file", FILES, ids=name)
@@ -62,17 +61,16 @@ def test_every_file_says_what_it_is(file: Path) -> None:
 
 
 def test_a_group_is_a_field_of_the_scene_and_is_chosen_by_default() -> None:
-    """One folder a section that has choices; `seed` and `output` are single values, not choices."""
-    chosen = [k for d in OmegaConf.load(CONF / "simulate.yaml")["defaults"] if not isinstance(d, str)
-              for k in d if not str(k).startswith("override")]  # fmt: skip
-    assert sorted(chosen) == GROUPS
-    assert {f.name for f in fields(Scene)} == {*GROUPS, "seed", "output"}
+    """One folder for each section that has choices; `seed` and `output` are single values; a draw uses up `space`."""
+    assert all(SIMULATE.groups.values())
+    assert {f.name for f in fields(Scene)} == {*SIMULATE.groups, "seed", "output"} - {"space"}
+    assert {f.name for f in fields(SIMULATE.config)} == {*SIMULATE.groups, "seed", "output", "draw"}
 
 
 def test_every_field_is_typed_documented_and_bounded() -> None:
     """Numbers have a range, or a kind of their own; words have choices unless they are names, paths or plug-ins."""
-    free = {"quality", "asset.path", "asset.interior", "material.law", "fracture.law", "capture.maps", "output.folder"}
-    for field, default, knob in describe(Scene):
+    free = {"quality", "asset.path", "asset.interior", "output.folder", "space.materials", "space.loadings"}
+    for field, default, knob in describe(SIMULATE.config):
         assert len(knob.doc) > 5, field
         assert knob.allowed() or field in free or isinstance(default, bool), field
     leaves = [f for section in fields(Scene) if is_dataclass(section.type) for f in fields(section.type)]  # type: ignore[arg-type]
@@ -86,9 +84,9 @@ def test_every_law_has_a_file_that_names_it(package: str, group: str) -> None:
 
 
 def test_every_built_in_object_and_map_can_be_chosen() -> None:
-    assert set(BUILTIN) <= set(registry.names("fracsim.asset.objects"))
-    assert {f.stem for f in FILES if f.parent.name == "asset"} == {*BUILTIN, "mesh", "ply"}
-    assert set(compose().capture.maps) == set(MAPS) <= set(registry.names("fracsim.maps"))
+    """One file and one YAML for each object; the default scene records all maps."""
+    assert set(SIMULATE.groups["asset"]) == {*OBJECTS, "mesh", "ply"}
+    assert set(compose().capture.maps) == set(registry.names("fracsim.maps"))
 
 
 def test_the_default_scene() -> None:
@@ -139,12 +137,16 @@ def test_quality_preview_is_coarser_and_reference_finer() -> None:
     assert (reference.solver.precision, reference.solver.safety) == ("float64", default.solver.safety / 2)
 
 
-@pytest.mark.parametrize("asset", RUBBER + BREAD)
-def test_an_object_brings_its_material_and_thresholds(asset: str) -> None:
-    kind = "rubber" if asset in RUBBER else "bread"
-    alone, told = compose(f"asset={asset}"), compose(f"material={kind}", f"fracture={kind}")
-    assert (alone.asset.kind, alone.asset.name) == ("builtin", asset)
-    assert (alone.material, alone.fracture) == (told.material, told.fracture)
+@pytest.mark.parametrize("asset", [name for name in OBJECTS if name != "bar"])
+def test_an_object_brings_the_material_thresholds_and_table_of_its_class(asset: str) -> None:
+    """The bar is a test body of any material."""
+    stretch = importlib.import_module(f"fracsim.asset.objects.{asset}").CLASS
+    kind = {"low_stretch": "bread", "high_stretch": "rubber"}[stretch]
+    for draw in ("draw=-1", "draw=5"):
+        alone = compose(f"asset={asset}", draw)
+        chosen = compose(f"material={kind}", f"fracture={kind}", f"space={stretch}", draw)
+        assert (alone.asset.kind, alone.asset.name) == ("builtin", asset)
+        assert (alone.material, alone.fracture, alone.loading) == (chosen.material, chosen.fracture, chosen.loading)
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fracsim.asset.objects.shapes import Array, norm, smoothstep
-from fracsim.asset.objects.texture import mix
+from fracsim.asset.procedural.shapes import Array, norm, smoothstep
+from fracsim.asset.procedural.texture import mix
 
 Distance = Callable[[Array], Array]
 

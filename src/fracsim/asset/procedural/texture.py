@@ -1,12 +1,12 @@
-"""What the objects are made of, as colours of points: bread crumb, rubber, and the mottling all of them share."""
+"""Colours of points: bread crumb, rubber, and the mottling shared by all built-in objects."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracsim.asset.objects import noise
-from fracsim.asset.objects.shapes import Array, hypot, smoothstep
+from fracsim.asset.procedural import noise
+from fracsim.asset.procedural.shapes import Array, hypot, smoothstep
 
 Paint = Callable[[Array], Array]
 

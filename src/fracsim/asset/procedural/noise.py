@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from fracsim.asset.objects.shapes import Array
+from fracsim.asset.procedural.shapes import Array
 
 PERIOD = 64  # lattice points along an axis before the noise repeats: a table of 1 MiB stays in the cache
 # A fixed rotation, so that no lattice plane lines up with a coordinate plane.

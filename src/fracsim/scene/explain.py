@@ -1,0 +1,65 @@
+"""Errors of Hydra and OmegaConf in the words of a program: the field, the value, what is allowed and the way out."""
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from fracsim.scene.knob import describe, text
+
+
+def fields(overrides: Sequence[str]) -> dict[str, str]:
+    """Field and value of each override, as written; the last one of a field counts."""
+    pairs = (override.lstrip("+~").partition("=") for override in overrides)
+    return {field: value for field, _, value in pairs}
+
+
+def explain(error: Exception, overrides: Sequence[str], schema: type, noun: str, see: str) -> str:
+    """What an error about `overrides` means to the user of a program.
+
+    `schema` is the dataclass of its configuration, `noun` what one is called, `see` a sentence that names the help.
+    """
+    from hydra.errors import MissingConfigException, OverrideParseException
+    from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException, ValidationError
+
+    if isinstance(error, OverrideParseException):
+        field, _, value = str(error.override).partition("=")
+        return (f"{error.override} cannot be read: write field=value, as {_example(schema)}; a value with signs like "
+                f"""# ( ) needs two pairs of quotes, as '{field}="{value or '#f2e0c0'}"'. {see}""")  # fmt: skip
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        group, _, choice = error.missing_cfg_file.rpartition("/")
+        return f"{group}={choice} is not known: choose one of {', '.join(error.options or ())}."
+    cause = error.__cause__ or error
+    if not isinstance(cause, OmegaConfBaseException) or not cause.full_key:
+        named = [o for o in overrides if o in str(error)] or overrides
+        return f"{' '.join(named)} cannot be used: {' '.join(str(error).split()).rstrip('.')}. {see}"
+    field = cause.full_key.partition("[")[0]
+    value = ([v for key, v in fields(overrides).items() if f"{key}.".startswith(f"{field}.")] or [""])[-1]
+    if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
+        return f"{field}={value} is not a field of {_a(noun)}: {_instead(field, schema)} {see}"
+    for name, default, knob in describe(schema):
+        if name == field and isinstance(cause, ValidationError):
+            return knob.refusal(name, value, default)
+    return f"{field}={value} cannot be used: {str(cause).splitlines()[0]}. {see}"
+
+
+def _a(noun: str) -> str:
+    """The noun with its article."""
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+def _example(schema: type) -> str:
+    """An override that can be read: the first number among the fields."""
+    return next(
+        (f"{name}={text(default)}" for name, default, _ in describe(schema) if type(default) is float), "field=1.5"
+    )
+
+
+def _instead(field: str, schema: type) -> str:
+    """What the user who typed `field` may have meant, as a sentence."""
+    known = {name: name.rpartition(".")[2] for name, _, _ in describe(schema)}
+    section, _, leaf = field.rpartition(".")
+    siblings = [name for name in known if section and name.startswith(f"{section}.")]
+    alike = [leaf, *get_close_matches(leaf, [known[name] for name in siblings or known], n=1)]
+    near = [name for a in alike for name in known if known[name] == a]
+    if near:
+        return f"did you mean {near[0]}?"
+    return f"choose one of {', '.join(siblings or sorted({name.partition('.')[0] for name in known}))}."
