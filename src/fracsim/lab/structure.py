@@ -1,0 +1,122 @@
+"""`python -m fracsim.lab.structure [SRC]`: how large functions are, how many arguments calls pass, what docstrings say.
+
+A room is a folder of the package, or a module beside the folders. An arrow is an import from one room to another.
+"""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+PACKAGE = "fracsim"
+SHAPE = re.compile(r"\((?:N|M|n|T|B|G|H|K|\d|\w+ \+ \d|\w+),[^)]*\)|\[[A-Z]\w*(?:, ?[\w ]+)*\]")
+"""A shape in a docstring, as (N, 3), (N,) or [T, H, W]."""
+LONG, MANY = 80, 8
+"""Most lines of a function and most positional arguments of a call; launches of kernels may pass more."""
+KERNELS = frozenset({"kernel", "find", "evaluate", "pull", "composite", "_composite", "step", "substep"})
+"""Names under which kernels are called."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What one source tree looks like."""
+
+    rooms: int
+    arrows: int
+    longest: tuple[int, str]
+    """Lines and name of the longest function."""
+    most_arguments: tuple[int, str]
+    """Positional arguments and place of the largest call that launches no kernel."""
+    array_functions: int
+    """Public functions that take or return arrays."""
+    with_shapes: int
+    """Those whose docstring gives a shape."""
+
+
+def modules(src: Path) -> Iterator[tuple[str, ast.Module]]:
+    """Dotted name and syntax tree of each module."""
+    for path in sorted((src / PACKAGE).rglob("*.py")):
+        name = ".".join(path.relative_to(src).with_suffix("").parts)
+        yield name.removesuffix(".__init__"), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def room(module: str, src: Path) -> str:
+    """The room of a module, or of a name in it."""
+    path = src / PACKAGE
+    for k, part in enumerate(module.split(".")[1:], 1):
+        if not (path / part).is_dir():
+            return ".".join(module.split(".")[: max(k, 2) if path == src / PACKAGE else k])
+        path /= part
+    return module
+
+
+def imports(tree: ast.Module, known: frozenset[str]) -> Iterator[str]:
+    """Modules of the package that a module imports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (a.name for a in node.names if a.name.startswith(PACKAGE))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                yield full if full in known else str(node.module)
+
+
+def functions(tree: ast.AST, prefix: str = "") -> Iterator[tuple[str, ast.FunctionDef, bool]]:
+    """Dotted name, node and whether it is public, of each function and method; nested ones are not public."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            name = f"{prefix}{node.name}"
+            if isinstance(node, ast.FunctionDef):
+                yield name, node, not isinstance(tree, ast.FunctionDef) and not node.name.startswith("_")
+            yield from functions(node, f"{name}.")
+
+
+def takes_arrays(node: ast.FunctionDef) -> bool:
+    """Whether arrays are among the annotations of arguments and result."""
+    annotations = [a.annotation for a in node.args.args] + [node.returns]
+    return any(a is not None and re.search(r"\bArray\b|ndarray", ast.unparse(a)) for a in annotations)
+
+
+def calls(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Positional arguments and name of each call that launches no kernel."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            called = ast.unparse(node.func)
+            launches = isinstance(node.func, ast.Call) or called.rpartition(".")[2] in KERNELS
+            if not launches and not any(isinstance(a, ast.Starred) for a in node.args):
+                yield len(node.args), called
+
+
+def count(src: Path) -> Counts:
+    """Counts of the package in the folder `src`."""
+    trees = dict(modules(src))
+    known = frozenset(trees)
+    rooms = {room(name, src) for name in trees} - {PACKAGE}
+    arrows = {(room(name, src), room(to, src)) for name, tree in trees.items() for to in imports(tree, known)}
+    longest, most = (0, ""), (0, "")
+    arrays = shaped = 0
+    for name, tree in trees.items():
+        most = max(most, *((n, f"{name}: {called}") for n, called in calls(tree)), (0, ""))
+        for dotted, node, public in functions(tree):
+            longest = max(longest, ((node.end_lineno or 0) - node.lineno + 1, f"{name}:{dotted}"))
+            if public and takes_arrays(node):
+                arrays += 1
+                shaped += bool(SHAPE.search(ast.get_docstring(node) or ""))
+    return Counts(
+        len(rooms), len({a for a in arrows if a[0] != a[1] and PACKAGE not in a}), longest, most, arrays, shaped
+    )
+
+
+def main() -> None:
+    """Print the counts of the tree in SRC, by default `src`."""
+    c = count(Path(sys.argv[1] if len(sys.argv) > 1 else "src"))
+    print(f"rooms {c.rooms}, arrows between them {c.arrows}")
+    print(f"longest function: {c.longest[0]} lines, {c.longest[1]}")
+    print(f"most positional arguments: {c.most_arguments[0]}, {c.most_arguments[1]}")
+    print(f"array functions whose docstring gives a shape: {c.with_shapes} of {c.array_functions}")
+
+
+if __name__ == "__main__":
+    main()
