@@ -25,6 +25,8 @@ from fracsim.mpm import params as slot
 from fracsim.records import Frame
 from fracsim.solve.simulator import SimulationError, Simulator
 
+pytestmark = pytest.mark.usefixtures("taichi")
+
 
 def test_a_case_depends_on_seed_and_number_alone() -> None:
     for number in range(0, len(CYCLE), 3):
