@@ -31,6 +31,8 @@ class Knob:
     most: float = math.inf
     open: str = ""
     choices: tuple[str, ...] = ()
+    pinned: Any = None
+    """The default when the field entered, where the default has changed since; it keeps the ids of samples."""
 
     def allowed(self) -> str:
         """The admissible values, for people; "" when the type says it all."""
@@ -79,7 +81,7 @@ class Knob:
 
 
 def knob(default: Any, doc: str, unit: str = "", **limits: Any) -> Any:
-    """A dataclass field with documentation, unit and admissible values (`least`, `most`, `open`, `choices`)."""
+    """A dataclass field with documentation, unit and limits (`least`, `most`, `open`, `choices`, `pinned`)."""
     metadata = {"knob": Knob(doc, unit, **limits)}
     if isinstance(default, (list, dict)):
         return field(default_factory=lambda: type(default)(default), metadata=metadata)
