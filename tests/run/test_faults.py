@@ -192,9 +192,10 @@ def test_a_scene_that_blows_up_keeps_what_was_filmed(tmp_path: Path) -> None:
 
 
 def test_crushed_particles_stop_the_run(tmp_path: Path) -> None:
-    scene = compose(*SMALL, *BLOW_UP, "solver.max_speed=1e5", f"output.folder={tmp_path}")
+    outcome = pipeline.run(compose(*SMALL, *BLOW_UP, "solver.max_speed=1e5", f"output.folder={tmp_path}"))
+    assert outcome.status == "failed"
     with pytest.raises(RuntimeError, match=r"frame \d+.*particle \d+ \(field F, J = .*below 0\.05.*solver\.dt=auto"):
-        pipeline.run(scene)
+        outcome.sample()
     check_incomplete(samples(tmp_path)[0], reason=r"below 0\.05")
 
 
@@ -246,9 +247,8 @@ def test_a_killed_run_is_never_taken_for_a_sample(tmp_path: Path) -> None:
     assert (meta["complete"], "killed" in meta["reason"]) == (False, True)
     assert sample.read(left, allow_incomplete=True).frames >= 2
     scene = compose(*SMALL, "capture.frames=3000", "capture.fps=3000", f"output.folder={tmp_path}")
-    assert sample.find(scene) is None
-    shorter = compose(*SMALL, f"output.folder={tmp_path}")
-    assert sample.read(pipeline.run(shorter)).complete
+    assert sample.find(scene.output, sample.scene_id(scene)) is None
+    assert pipeline.run(compose(*SMALL, f"output.folder={tmp_path}")).sample().complete
 
 
 def test_a_second_attempt_takes_the_place_of_an_interrupted_one(
@@ -265,12 +265,12 @@ def test_a_second_attempt_takes_the_place_of_an_interrupted_one(
 
     with monkeypatch.context() as patch:
         patch.setattr(pipeline.Film, "shoot", tired)
-        with pytest.raises(KeyboardInterrupt):
-            pipeline.run(scene)
+        outcome = pipeline.run(scene)
+    assert (outcome.status, outcome.path, outcome.frames) == ("interrupted", samples(tmp_path)[0], 1)
     assert check_incomplete(samples(tmp_path)[0], reason="interrupted by the user") == 1
-    path = pipeline.run(scene)
-    assert samples(tmp_path) == [path]
-    assert sample.read(path).complete
+    outcome = pipeline.run(scene)
+    assert samples(tmp_path) == [outcome.path]
+    assert outcome.sample().complete
 
 
 def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,8 +278,8 @@ def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, m
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pipeline.Film, "shoot", tired)
-    with pytest.raises(KeyboardInterrupt):
-        pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
+    outcome = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
+    assert (outcome.status, outcome.path, outcome.report) == ("interrupted", None, {})
     assert not list(tmp_path.iterdir())
 
 
