@@ -1,4 +1,4 @@
-"""A scene at the fingertips of Python: frames one by one, and pictures of any quantity."""
+"""A scene in Python: frames one by one, and pictures of any quantity."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What a writer must know of a sample before its first frame, whatever program makes it."""
+"""What a writer must know of a sample before its first frame, for any producer."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -115,6 +115,6 @@ def header_of(scene: Scene) -> Header:
 
 
 def map_infos(names: Sequence[str]) -> dict[str, MapInfo]:
-    """What the modules of fracsim.maps say of these maps; raises ValueError for an unknown name."""
+    """Label, unit, channels and scale of maps of fracsim.maps by name; raises ValueError for an unknown one."""
     modules = {name: registry.load("fracsim.maps", name, "capture.maps") for name in names}
     return {name: MapInfo(m.LABEL, m.UNIT, m.CHANNELS, m.SCALE) for name, m in modules.items()}

@@ -1,4 +1,4 @@
-"""The name of a sample: a hash of its producer and of what the producer was asked for.
+"""The id of a sample: a hash of its producer and of the content, which is all that the producer was asked for.
 
 Fields of a scene that equal their pinned default are left out, so that a new field does not rename older samples.
 """
@@ -15,7 +15,7 @@ from fracsim.scene.vocab import LABELS, Scene
 FRACSIM = "fracsim"
 """The producer of simulated samples."""
 SECTIONS_LEFT_OUT = ("backend", "output")
-"""Sections of a scene that say where it runs and where it is written, not what it shows."""
+"""Sections of a scene without influence on the sample: where it runs, where it is written."""
 
 
 def sample_id(producer: str, content: Mapping[str, Any]) -> str:
@@ -49,7 +49,7 @@ def scene_id(scene: Scene) -> str:
 
 
 def scene_content(scene: Scene, asset_sha256: str | None = None) -> dict[str, Any]:
-    """What names the sample of a scene: dotted field -> value, without labels and fields at their pinned default.
+    """The content of the sample of a scene: dotted field -> value, without labels and fields at their pinned default.
 
     asset.path counts by the content of the file: its sha256, which `asset_sha256` gives if it is known. Raises
     ValueError when the file cannot be read.

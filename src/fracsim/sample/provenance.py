@@ -1,4 +1,4 @@
-"""With what a sample was made."""
+"""The versions and the machine behind a sample."""
 
 import platform
 import subprocess

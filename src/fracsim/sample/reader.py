@@ -57,7 +57,7 @@ class Sample:
 
     path: Path
     meta: dict[str, Any]
-    """What meta.json says: id, producer, content, view, units and ranges of the maps, provenance, report."""
+    """The entries of meta.json: id, producer, content, view, units and ranges of the maps, provenance, report."""
     frames: int
     """Frames that can be read; of an incomplete sample, those that are whole in every file."""
 
@@ -79,7 +79,7 @@ class Sample:
 
     @property
     def producer(self) -> str:
-        """The program that made it, as fracsim."""
+        """Name of the program behind the sample, as fracsim."""
         return str(self.meta["producer"])
 
     @cached_property
@@ -213,7 +213,7 @@ def verify(path: Path | str) -> list[str]:
         meta = schema.read_meta(folder)
         problems = [] if meta["complete"] else [f"incomplete: {meta['reason']}"]
         if meta["schema"] > 1:
-            problems += _strangers(folder, meta)
+            problems += _mismatches(folder, meta)
         # The files of a sample that was never finished are not listed.
         return problems + (_differences(meta["files"], schema.inventory(folder)) if meta["files"] else [])
     except (ValueError, OSError) as error:
@@ -222,8 +222,8 @@ def verify(path: Path | str) -> list[str]:
         return [f"{schema.META} lacks {error}"]
 
 
-def _strangers(folder: Path, meta: Mapping[str, Any]) -> list[str]:
-    """Entries that do not belong to the id: the content, and the scene of a simulated sample."""
+def _mismatches(folder: Path, meta: Mapping[str, Any]) -> list[str]:
+    """Whether the content, and the scene of a simulated sample, belong to the id; a sentence for each that does not."""
     problems, content = [], meta["content"]
     if sample_id(meta["producer"], content) != meta["id"]:
         problems.append(f"content is not that of {meta['id']}")

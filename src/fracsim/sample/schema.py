@@ -17,7 +17,7 @@ from fracsim.scene.vocab import Scene
 
 VERSION = 2
 READABLE = (1, 2)
-"""Versions that `read_meta` understands. Version 1 knew only scenes, and did not store what was hashed."""
+"""Versions that `read_meta` understands. Version 1 held scenes only, and not the content that names them."""
 META = "meta.json"
 """Everything about the sample that is not an array; `complete` is true only when all of it is there."""
 SCENE = "scene.yaml"
@@ -89,7 +89,7 @@ def _lines(value: Any, depth: int) -> str:
 
 
 def read_meta(folder: Path) -> dict[str, Any]:
-    """meta.json of a sample in the words of the present version, but for `schema`, the version on disk.
+    """meta.json of a sample with the entries of the present version; `schema` stays the version on disk.
 
     Raises ValueError when `folder` is no sample, or one of an unknown schema version.
     """

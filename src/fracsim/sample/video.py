@@ -1,7 +1,7 @@
 """Streams of frames to video files and back, through the ffmpeg that imageio-ffmpeg ships.
 
-The processes are run here, not by imageio_ffmpeg.write_frames, because that does not tell how the encoder ended: a
-full disk would pass for a finished file.
+The processes are run here, not by imageio_ffmpeg.write_frames, which hides the exit status of the encoder: a full disk
+would pass for a finished file.
 """
 
 import re
@@ -63,7 +63,7 @@ class Encoder:
         if self._errors.closed:
             return
         assert self._process.stdin is not None
-        with suppress(OSError):  # it has ended already, and says below why
+        with suppress(OSError):  # it has ended already; the reason follows below
             self._process.stdin.close()
         code = self._process.wait()
         self._errors.seek(0)
