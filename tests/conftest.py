@@ -1,4 +1,4 @@
-"""Taichi starts once for all tests, on the CPU with two threads; scenes choose how many of them to use."""
+"""Taichi starts once, for the tests that ask for it: on the CPU with two threads; scenes choose how many they use."""
 
 import os
 
@@ -7,12 +7,13 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import pytest
 from hypothesis import settings
 
-from fracsim import Backend, backend
-
 settings.register_profile("any machine", deadline=None)  # no test is about time
 settings.load_profile("any machine")
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="session")
 def taichi() -> None:
+    """Start Taichi."""
+    from fracsim import Backend, backend
+
     backend.start(Backend(arch="cpu", threads=2))

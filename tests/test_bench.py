@@ -21,6 +21,7 @@ from fracsim.render.film import Film
 from fracsim.scene.vocab import CENTRE, Camera
 from tests.sim import bars
 
+pytestmark = pytest.mark.usefixtures("taichi")
 CELLS, SUBSTEPS = 50, 60
 COLUMNS = {"benchmark", "variant", "value", "unit", "target", "met", "cpu", "cores", "python", "taichi", "numpy",
            "commit", "date"}  # fmt: skip

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fracsim.sample import sample_id
+from fracsim.sample import scene_id
 from fracsim.scene.knob import describe
 from fracsim.scene.program import compose
 from fracsim.scene.vocab import Scene
@@ -43,7 +43,7 @@ def test_pictures_in_readme_exist() -> None:
 
 
 def test_the_sample_that_readme_reads_is_that_of_make_demo() -> None:
-    """Its folder is named after the scene: a new field or another default gives it a new name."""
+    """Its folder is named after the scene: another default of a field gives it a new name."""
     (overrides,) = re.findall(r"fracsim (capture\.frames=\d+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     (folder,) = re.findall(r'sample\.read\("outputs/(\w+)"\)', (ROOT / "README.md").read_text())
-    assert folder == sample_id(compose(overrides))
+    assert folder == scene_id(compose(overrides))

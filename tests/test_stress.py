@@ -26,6 +26,8 @@ from fracsim.records import Frame
 from fracsim.solve.march import SimulationError
 from fracsim.solve.simulator import Simulator
 
+pytestmark = pytest.mark.usefixtures("taichi")
+
 
 def test_a_case_depends_on_seed_and_number_alone() -> None:
     for number in range(0, len(CYCLE), 3):

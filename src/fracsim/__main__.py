@@ -38,9 +38,17 @@ def run(cfg: Any) -> None:
     if job.mode == RunMode.MULTIRUN:
         console.heading(job.job.num + 1, overrides)
     try:
-        pipeline.run(SIMULATE.resolve(cfg, overrides))
-    except (ValueError, OSError, RuntimeError) as error:
+        scene = SIMULATE.resolve(cfg, overrides)
+    except ValueError as error:
         fail(str(error))
+        return
+    with console.progress(scene) as progress:
+        outcome = pipeline.run(scene, progress)
+    console.show(scene, outcome)
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    if outcome.status == "failed":
+        fail(outcome.reason)
 
 
 def show(overrides: Sequence[str]) -> None:

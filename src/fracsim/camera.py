@@ -10,11 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracsim.records import Array
+from fracsim.scene.vocab import CENTRE, Scene
 
 NEAR = 0.2
 """Depth up to which Gaussians and points are culled [m], as in 3DGS (Kerbl et al. 2023)."""
 TILE = 16
 """Edge of a square tile [px]; pictures are whole tiles."""
+MARGIN = 1.08
+"""The default view holds the travel of the grips times this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +120,20 @@ def framing(
     up = np.array([-math.sin(azimuth) * sin, cos, -math.cos(azimuth) * sin])
     eye = np.asarray(centre) + distance * towards_eye
     return look_at(eye, centre, up, focal, focal, width / 2, height / 2, width, height)
+
+
+def view_of(scene: Scene) -> View:
+    """The camera of a scene: explicit, or a view of the object and of the full travel of both grips."""
+    c = scene.camera
+    if c.matrix:
+        fx, fy, cx, cy = c.intrinsics
+        return View(np.reshape(c.matrix, (4, 4)), fx, fy, cx, cy, c.width, c.height)
+    travel = scene.loading.speed * scene.capture.duration
+    u = np.abs(scene.loading.axis)
+    half = MARGIN * (scene.asset.size / 2 + travel * u)
+    width = c.half_width or float(half[0])
+    height = c.half_width * c.height / c.width or float(half[1])
+    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height)
 
 
 def project(view: View, points: Array) -> tuple[Array, Array]:

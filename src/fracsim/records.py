@@ -28,7 +28,7 @@ class Particles:
     spacing: float
     """Distance of interior particles at rest [m]."""
     notes: tuple[str, ...] = field(default=())
-    """What a user should know about how the object was made."""
+    """Remarks for the user on how the object was prepared."""
 
     def __post_init__(self) -> None:
         n = len(self.X)

@@ -187,4 +187,4 @@ def test_the_flag_of_a_sweep_may_stand_between_overrides(flag: str, monkeypatch:
 def test_the_identity_of_a_sample_does_not_know_where_it_was_made() -> None:
     scene = compose(*SMALL)
     elsewhere = replace(scene, backend=compose("backend.threads=7").backend, output=compose("output.folder=x").output)
-    assert sample.sample_id(scene) == sample.sample_id(elsewhere)
+    assert sample.scene_id(scene) == sample.scene_id(elsewhere)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fracsim.camera import View, framing, look_at, project
+from fracsim import Camera, Loading, Scene
+from fracsim.camera import View, framing, look_at, project, view_of
 
 CENTRE = np.array([1.0, 1.0, 1.0])
 
@@ -79,3 +80,26 @@ def test_points_behind_the_camera_have_no_image():
     xy, depth = project(view, (view.eye + [0, 0, 1])[None])
     assert np.isnan(xy).all()
     assert depth[0] < 0
+
+
+@pytest.mark.parametrize("axis", range(0, 180, 15))
+def test_default_view_holds_the_whole_motion_of_the_grips(axis: int) -> None:
+    s = Scene(loading=Loading(axis_deg=axis, speed=1.4, offset=0.25))
+    view = view_of(s)
+    travel = s.loading.offset + s.loading.thickness / 2 + s.loading.speed * s.capture.duration
+    ends = CENTRE + np.array([[travel], [-travel]]) * np.asarray(s.loading.axis)
+    xy, depth = project(view, ends)
+    assert (xy >= 0).all()
+    assert (xy <= [view.width, view.height]).all()
+    assert (depth > 0).all()
+
+
+def test_explicit_camera_is_taken_as_it_is() -> None:
+    matrix = np.eye(4)
+    matrix[2, 3] = 3.0
+    camera = Camera(width=64, height=32, matrix=matrix.ravel().tolist(), intrinsics=[50.0, 60.0, 32.0, 16.0])
+    view = view_of(Scene(camera=camera))
+    assert (view.fx, view.fy, view.cx, view.cy, view.width, view.height) == (50, 60, 32, 16, 64, 32)
+    xy, depth = project(view, np.array([[1.0, 0.5, 1.0]]))
+    assert depth == pytest.approx([4.0])
+    assert xy[0] == pytest.approx([32 + 50 / 4, 16 + 60 * 0.5 / 4])

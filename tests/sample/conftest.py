@@ -44,6 +44,6 @@ def record(clip: Clip) -> Callable[[Scene], Path]:
         with open_writer(scene) as writer:
             writer.track(clip.particles)
             add(writer, clip, scene)
-            return writer.finish({"break_frame": 3}, HISTORY, {"simulate": 1.5}, complete=True)
+            return writer.finish({"break_frame": 3}, HISTORY, {"simulate": 1.5})
 
     return make

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from fracsim import Camera, Capture, Output, Scene
 from fracsim.records import Array
-from fracsim.sample import Writer
+from fracsim.sample import Writer, header_of
 
 WIDTH, HEIGHT, FRAMES, TRACKS = 64, 48, 5, 7
 HISTORY = {
@@ -40,8 +38,7 @@ def tiny(folder: Path, **capture: object) -> Scene:
 
 
 def open_writer(scene: Scene) -> Writer:
-    view = {"matrix": np.eye(4), "intrinsics": [60.0, 60.0, 32.0, 24.0]}
-    return Writer(scene, (WIDTH, HEIGHT), view, scene.capture.maps, scene.capture.rgb)
+    return Writer(header_of(scene), scene.output)
 
 
 def add(writer: Writer, clip: Clip, scene: Scene, frames: int = FRAMES) -> None:

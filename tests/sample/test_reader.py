@@ -38,7 +38,7 @@ def test_what_is_no_sample(tmp_path: Path, content: str | None, complaint: str) 
 def test_another_schema_version(scene: Scene, record: Record) -> None:
     path = record(scene)
     edit_meta(path, schema=99)
-    with pytest.raises(ValueError, match="has schema version 99, but this fracsim reads version 1"):
+    with pytest.raises(ValueError, match="has schema version 99, but this fracsim reads versions 1 and 2"):
         sample.read(path)
 
 
@@ -101,12 +101,12 @@ def test_arrays_are_decoded_once(scene: Scene, record: Record) -> None:
 KILLED = """
 import os, signal, numpy as np
 from fracsim import Camera, Capture, Output, Scene
-from fracsim.sample import Writer
+from fracsim.sample import Writer, header_of
 scene = Scene(capture=Capture(frames=9, maps=["flow"]), camera=Camera(width=64, height=48), output=Output(folder="."))
-with Writer(scene, (64, 48), {}, ["flow"], True) as writer:
+with Writer(header_of(scene), scene.output) as writer:
     for k in range(3):
         maps = {"flow": np.full((48, 64, 2), k, np.float32)}
-        writer.add(k, np.full((48, 64, 3), k, np.uint8), np.ones((48, 64), np.float32), maps, None)
+        writer.add(k, np.full((48, 64, 3), k, np.uint8), np.ones((48, 64), np.float32), maps)
     os.kill(os.getpid(), signal.SIGKILL)
 """
 

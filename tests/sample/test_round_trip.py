@@ -19,14 +19,14 @@ def full(tmp_path_factory: pytest.TempPathFactory, clip: Clip) -> tuple[Scene, P
     with open_writer(scene) as writer:
         writer.track(clip.particles)
         add(writer, clip, scene)
-        path = writer.finish({"break_frame": np.int64(3)}, HISTORY, {"simulate": 1.5}, complete=True)
+        path = writer.finish({"break_frame": np.int64(3)}, HISTORY, {"simulate": 1.5})
     return scene, path
 
 
 def test_folder_has_the_id_of_the_scene(full: tuple[Scene, Path]) -> None:
     scene, path = full
-    assert path.name == sample.sample_id(scene)
-    assert sample.find(scene) == path
+    assert path.name == sample.scene_id(scene)
+    assert sample.find(scene.output, path.name) == path
     assert sample.verify(path) == []
     there = {p.relative_to(path).as_posix() for p in path.rglob("*") if p.is_file()}
     assert there == {
@@ -61,7 +61,7 @@ def test_maps_come_back_in_physical_units(full: tuple[Scene, Path], clip: Clip, 
 
 def test_maps_can_be_read_without_this_package(full: tuple[Scene, Path], clip: Clip) -> None:
     # As documented: channels one above the other, value = lo + q / 65535 (hi - lo) with the ranges of meta.json.
-    codes = decode(full[1] / "maps" / "flow.mkv", WIDTH, 2 * HEIGHT, "gray16", FRAMES)
+    codes = decode(full[1] / "maps" / "flow.mkv", WIDTH, 2 * HEIGHT, "gray16", 0, FRAMES)
     lo, hi = sample.read(full[1]).meta["ranges"]["flow"][2][1]
     up = lo + codes[2, HEIGHT:] / 65535 * (hi - lo)
     np.testing.assert_allclose(up, clip.maps["flow"][2, ..., 1], atol=0.51 * (hi - lo) / 65535)
@@ -79,14 +79,16 @@ def test_tracks_and_curves(full: tuple[Scene, Path], clip: Clip) -> None:
 def test_scene_can_be_loaded_again(full: tuple[Scene, Path]) -> None:
     scene, path = full
     assert sample.read(path).scene == scene
-    assert sample.sample_id(sample.read(path).scene) == path.name
+    assert sample.scene_id(sample.read(path).scene) == path.name
 
 
 def test_meta_says_what_it_is_and_where_it_comes_from(full: tuple[Scene, Path], clip: Clip) -> None:
     meta = sample.read(full[1]).meta
     assert meta["complete"] is True
     assert (meta["frames"], meta["fps"], meta["size"]) == (FRAMES, 100, [WIDTH, HEIGHT])
-    assert meta["view"]["matrix"] == np.eye(4).tolist()
+    assert (meta["producer"], meta["document"]) == ("fracsim", "scene.yaml")
+    assert meta["content"]["capture.frames"] == FRAMES
+    assert (meta["view"]["width"], np.shape(meta["view"]["world_to_camera"])) == (WIDTH, (4, 4))
     assert meta["report"] == {"break_frame": 3}
     assert meta["seconds"] == {"simulate": 1.5}
     assert {"fracsim", "taichi", "numpy", "python", "platform", "git_commit", "git_dirty"} <= set(meta["provenance"])
@@ -100,7 +102,7 @@ def test_meta_says_what_it_is_and_where_it_comes_from(full: tuple[Scene, Path], 
 def test_pictures_for_people(full: tuple[Scene, Path]) -> None:
     strip = full[1] / "strip.mp4"
     # Five panels of 64 x 48 with gaps of 4, under a header of 24.
-    frames = decode(strip, 5 * 68 + 4, 24 + 48 + 4, "rgb", FRAMES)
+    frames = decode(strip, 5 * 68 + 4, 24 + 48 + 4, "rgb", 0, FRAMES)
     assert len(frames) == FRAMES
     assert frames[:, 24:72, 4:68].std() > 10
     with Image.open(full[1] / "report.png") as report:
@@ -121,7 +123,7 @@ def test_only_what_is_asked_for_is_written(
     scene = tiny(tmp_path, rgb=rgb, maps=maps, strip=True)
     with open_writer(scene) as writer:
         add(writer, clip, scene)
-        path = writer.finish({}, {}, {}, complete=True)
+        path = writer.finish()
     assert {p.relative_to(path).as_posix() for p in path.rglob("*.mkv")} == present
     read = sample.read(path)
     assert sample.verify(path) == []
@@ -140,6 +142,6 @@ def test_files_of_others_become_part_of_the_sample(scene: Scene, clip: Clip) -> 
         add(writer, clip, scene)
         (writer.folder / "particles").mkdir()
         (writer.folder / "particles" / "0000.npz").write_bytes(b"state")
-        path = writer.finish({}, {}, {}, complete=True)
+        path = writer.finish()
     assert "particles/0000.npz" in sample.read(path).meta["files"]
     assert sample.verify(path) == []

@@ -24,11 +24,15 @@ def entries(scene: Scene) -> list[str]:
     return sorted(p.name for p in folder.iterdir()) if folder.exists() else []
 
 
+def found(scene: Scene) -> Path | None:
+    return sample.find(scene.output, sample.scene_id(scene))
+
+
 def interrupted(scene: Scene, clip: Clip, error: BaseException) -> Path:
     """The sample left behind by an error after three frames."""
     with pytest.raises(type(error)):
         fail_after(3, scene, clip, error)
-    identity = sample.sample_id(scene)
+    identity = sample.scene_id(scene)
     assert entries(scene) == [f"{identity}.incomplete"]
     return Path(scene.output.folder) / f"{identity}.incomplete"
 
@@ -52,7 +56,7 @@ def test_an_error_leaves_the_frames_until_then(scene: Scene, clip: Clip, error: 
     assert (left.rgb == clip.rgb[:3]).all()
     np.testing.assert_allclose(left.maps["stress"], clip.maps["stress"][:3], atol=0.06)
     assert (left.tracks.xy == clip.xy[:3]).all()
-    assert sample.find(scene) is None
+    assert found(scene) is None
 
 
 def test_an_error_before_the_first_frame_leaves_nothing(scene: Scene, clip: Clip) -> None:
@@ -64,7 +68,7 @@ def test_an_error_before_the_first_frame_leaves_nothing(scene: Scene, clip: Clip
 def test_stopping_early_is_incomplete_with_its_reason(scene: Scene, clip: Clip) -> None:
     with open_writer(scene) as writer:
         add(writer, clip, scene, frames=2)
-        path = writer.finish({"break_frame": None}, HISTORY, {}, complete=False, reason="a particle is too fast")
+        path = writer.finish({"break_frame": None}, HISTORY, reason="a particle is too fast")
     assert path.name == f"{writer.id}.incomplete"
     left = sample.read(path, allow_incomplete=True)
     assert (left.frames, left.meta["reason"]) == (2, "a particle is too fast")
@@ -92,7 +96,7 @@ def test_a_complete_one_clears_the_incomplete(scene: Scene, clip: Clip, record: 
 
 def test_a_whole_sample_is_not_made_again(scene: Scene, record: Record) -> None:
     path = record(scene)
-    assert sample.find(scene) == path
+    assert found(scene) == path
     with pytest.raises(ValueError, match=r"output\.folder=.* already holds .*output\.overwrite=true"):
         open_writer(scene)
     assert sample.verify(path) == []
@@ -108,7 +112,7 @@ def test_overwriting_waits_until_the_new_one_is_whole(scene: Scene, clip: Clip, 
     assert sample.verify(path) == []
     with open_writer(again) as writer:
         add(writer, clip, again)
-        assert writer.finish({"run": 2}, {}, {}, complete=True) == path
+        assert writer.finish({"run": 2}) == path
     assert sample.read(path).meta["report"] == {"run": 2}
     assert entries(scene) == [path.name]
 
@@ -117,7 +121,7 @@ def test_two_processes_may_make_the_same_sample(scene: Scene, clip: Clip, record
     with open_writer(scene) as slow:
         add(slow, clip, scene)
         path = record(scene)
-        assert slow.finish({"slow": 1}, {}, {}, complete=True) == path
+        assert slow.finish({"slow": 1}) == path
     assert "slow" not in sample.read(path).meta["report"]
     assert entries(scene) == [path.name]
 
@@ -125,7 +129,7 @@ def test_two_processes_may_make_the_same_sample(scene: Scene, clip: Clip, record
 def test_a_damaged_sample_is_made_again(scene: Scene, record: Record) -> None:
     path = record(scene)
     (path / "alpha.mkv").unlink()
-    assert sample.find(scene) is None
+    assert found(scene) is None
     assert record(scene) == path
     assert sample.verify(path) == []
 
@@ -174,7 +178,7 @@ def test_an_encoder_that_dies_is_noticed(scene: Scene, clip: Clip) -> None:
         writer._encoders["rgb"]._process.wait()
         with pytest.raises(OSError, match=r"output\.folder=.*encoder of rgb\.mkv ended"):
             add(writer, clip, scene)
-    assert sample.find(scene) is None
+    assert found(scene) is None
 
 
 def test_a_map_that_is_not_finite_is_named(scene: Scene, clip: Clip) -> None:

@@ -87,8 +87,7 @@ def main() -> None:
     encoders = Encoders()
     encoders.start()
     with tempfile.TemporaryDirectory() as folder:
-        path = pipeline.run(scene(cells, folder))
-        report = json.loads((path / "meta.json").read_text())["report"]
+        report = pipeline.run(scene(cells, folder)).sample().meta["report"]
     told = {"process": peak(), "encoders": encoders.stop()}
     print(json.dumps({**told, "particles": report["particles"], "failed": report["failed"]}), flush=True)
 

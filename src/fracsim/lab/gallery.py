@@ -23,7 +23,7 @@ COMMON = ("camera.half_width=0.75", "capture.frames=50", "output.folder=outputs/
 
 def film(*overrides: str) -> Path:
     """The sample of a scene, made unless it is there."""
-    return pipeline.run(compose(*overrides, *COMMON))
+    return pipeline.run(compose(*overrides, *COMMON)).sample().path
 
 
 def panels(path: Path) -> list[Array]:

@@ -1,20 +1,17 @@
 """Films a simulation: colour, maps, alpha and tracks of a frame, from one pass over the Gaussians."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from fracsim import registry
 from fracsim.asset.harmonics import turned
-from fracsim.camera import View, framing, project
+from fracsim.camera import project, view_of
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.rotations import rotations
 from fracsim.render.splat import Splatter, colours, visibility
-from fracsim.scene.vocab import CENTRE, Scene
+from fracsim.scene.vocab import Scene
 
-MARGIN = 1.08
-"""How much more is seen than the motion of the grips needs."""
 SH0 = 0.28209479177387814
 """The constant spherical harmonic, 1 / (2 sqrt(pi))."""
 
@@ -33,20 +30,6 @@ class Picture:
     """Depth where half the light is lost [m], (H, W)."""
 
 
-def view_of(scene: Scene) -> View:
-    """The camera of a scene; by default one that sees the whole motion of the grips."""
-    c = scene.camera
-    if c.matrix:
-        fx, fy, cx, cy = c.intrinsics
-        return View(np.reshape(c.matrix, (4, 4)), fx, fy, cx, cy, c.width, c.height)
-    way = scene.loading.speed * scene.capture.duration
-    u = np.abs(scene.loading.axis)
-    half = MARGIN * (scene.asset.size / 2 + way * u)
-    width = c.half_width or float(half[0])
-    height = c.half_width * c.height / c.width or float(half[1])
-    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height)
-
-
 def on_white(image: Array, alpha: Array) -> Array:
     """Colours over white as bytes, (H, W, 3); most pixels show nothing and need no arithmetic."""
     out, seen = np.full((*alpha.shape, 3), 255, np.uint8), alpha > 0
@@ -60,14 +43,10 @@ class Film:
 
     def __init__(self, scene: Scene) -> None:
         self.view = view_of(scene)
-        self.scene, self.size = scene, (self.view.width, self.view.height)
+        self.scene = scene
         self.maps = {name: registry.load("fracsim.maps", name, "capture.maps") for name in scene.capture.maps}
         self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
         self.splatter = Splatter(self.view, self.channels) if self.channels else None
-
-    def describe(self) -> dict[str, Any]:
-        """The camera as plain numbers, for meta.json."""
-        return {name: np.asarray(value).tolist() for name, value in asdict(self.view).items()}
 
     def splat(self, frame: Frame, particles: Particles, features: Array) -> tuple[Array, Array, Array]:
         """Image (H, W, C), alpha (H, W) and median depth (H, W) [m] of any features a particle, (N, C)."""

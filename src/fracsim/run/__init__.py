@@ -1,1 +1,1 @@
-"""Running scenes: from a scene to a sample on disk, to frames in Python, and what a terminal shows meanwhile."""
+"""Running scenes: to a sample on disk, to frames in Python, and the display in a terminal."""

@@ -1,4 +1,4 @@
-"""What a person sees in the terminal: progress while it runs, a table at the end."""
+"""The terminal: a progress bar during a run, a table at its end."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,27 +9,28 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
+from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
+from fracsim.run.outcome import Outcome
+from fracsim.run.watcher import Watcher
 from fracsim.scene.vocab import Scene
 
-INTERRUPTED = "interrupted by the user"
 OUT = Console(highlight=False)
 LABEL = 18
 """Columns for the names of the final table."""
 
 
-class Progress:
-    """Feeds the progress bar: frames done, substeps a second, present dt."""
+class Progress(Watcher):
+    """Feeds a progress bar: frames done, substeps a second, present dt."""
 
-    def __init__(self, bar: Bar, frames: int, fps: float) -> None:
+    def __init__(self, bar: ProgressBar, frames: int, fps: float) -> None:
         self._bar, self._fps = bar, fps
         self._task = bar.add_task("preparing", total=frames, rate="", dt="")
         self._since, self._done = time.perf_counter(), 0
 
     def substeps(self, done: int, dt: float, t: float) -> None:
-        """Called every few substeps."""
+        """Show the rate, twice a second at most."""
         now = time.perf_counter()
         if now - self._since > 0.5:
             rate = (done - self._done) / (now - self._since)
@@ -38,42 +39,47 @@ class Progress:
             self._bar.update(self._task, completed=frames, rate=f"{rate:.0f} substeps/s", dt=f"dt {dt:.2e} s")
 
     def frame(self, index: int) -> None:
-        """Called after each frame."""
+        """Show the number of frames."""
         self._bar.update(self._task, completed=index + 1, description=f"frame {index + 1}")
 
 
 @contextmanager
 def progress(scene: Scene) -> Iterator[Progress]:
-    """A progress bar for the frames of a scene; silent when nobody watches."""
+    """A progress bar for the frames of a scene; nothing is printed when the output is no terminal."""
     columns = (TextColumn("{task.description:<10}"), BarColumn(16), TextColumn("{task.percentage:>3.0f}%"),
                TimeRemainingColumn(), TextColumn("left  {task.fields[rate]}  {task.fields[dt]}"))  # fmt: skip
-    with Bar(*columns, console=OUT, transient=True, disable=not OUT.is_terminal) as bar:
+    with ProgressBar(*columns, console=OUT, transient=True, disable=not OUT.is_terminal) as bar:
         yield Progress(bar, scene.capture.frames, scene.capture.fps)
 
 
 def heading(number: int, overrides: Sequence[str]) -> None:
-    """Say which scene of a multirun is next."""
+    """Print which scene of a multirun is next."""
     OUT.print(f"\n[bold]scene {number}[/]  {escape(' '.join(overrides))}", soft_wrap=True)
 
 
-def already(path: Path) -> None:
-    """Say that the sample is there."""
-    OUT.print(f"{escape(str(path))} is already there and whole; output.overwrite=true makes it again", soft_wrap=True)
+def show(scene: Scene, outcome: Outcome) -> None:
+    """Print what happened and where the sample lies; nothing when no frame was finished."""
+    if outcome.status == "existing":
+        there = f"{escape(str(outcome.path))} is already there and whole; output.overwrite=true makes it again"
+        OUT.print(there, soft_wrap=True)
+    elif outcome.report:
+        _table(scene, outcome)
 
 
-def table(scene: Scene, report: Mapping[str, Any], seconds: Mapping[str, float], path: Path, frames: int) -> None:
-    """Print what happened, how many `frames` were made, and where they are."""
+def _table(scene: Scene, outcome: Outcome) -> None:
+    """Print the report, the warnings and the paths."""
     t = Table(show_header=False, box=None, padding=(0, 0, 0, 0))
     t.add_column(style="bold", width=LABEL)
     t.add_column(overflow="fold")
-    for name, value in _rows(scene, report, seconds):
+    for name, value in _rows(scene, outcome.report, outcome.seconds):
         t.add_row(name, escape(value))
-    if frames < scene.capture.frames:
-        t.add_row("INCOMPLETE", f"{frames} of {scene.capture.frames} frames")
+    if outcome.frames < scene.capture.frames:
+        t.add_row("INCOMPLETE", f"{outcome.frames} of {scene.capture.frames} frames")
     OUT.print(t)
-    for warning in report["warnings"]:
+    for warning in outcome.report["warnings"]:
         OUT.print(f"[yellow]{'warning':<{LABEL}}[/]{escape(warning)}", soft_wrap=True)
-    for name, file in (("sample", path), ("to watch", path / "strip.mp4")):
+    assert outcome.path is not None
+    for name, file in (("sample", outcome.path), ("to watch", outcome.path / "strip.mp4")):
         if file.exists():
             OUT.print(f"[bold]{name:<{LABEL}}[/]{escape(str(file))}", soft_wrap=True)
 

@@ -6,10 +6,9 @@ from types import FrameType, TracebackType
 
 
 class Interrupt:
-    """A context in which `check` raises KeyboardInterrupt if there was a Ctrl-C before.
+    """A context in which `check` raises KeyboardInterrupt after a Ctrl-C.
 
-    That raises at once too, but Python drops what is raised inside a destructor or a callback from C, and the run would
-    go on to its end.
+    Ctrl-C also raises at once, but Python drops errors of destructors and of callbacks from C: the run would go on.
     """
 
     def __init__(self) -> None:

@@ -4,83 +4,109 @@ from pathlib import Path
 
 import numpy as np
 
-from fracsim import backend, registry, sample
+from fracsim import backend
 from fracsim.asset.build import build
 from fracsim.records import Frame, Particles
 from fracsim.render.film import Film
-from fracsim.run import console
 from fracsim.run.interrupt import Interrupt
+from fracsim.run.outcome import Outcome, health
 from fracsim.run.stopwatch import Stopwatch
-from fracsim.sample import Writer
+from fracsim.run.watcher import Watcher
+from fracsim.sample import Writer, find, header_of, scene_id
+from fracsim.sample.schema import read_meta
+from fracsim.scene.knob import check_names
 from fracsim.scene.vocab import Scene
 from fracsim.solve.march import SimulationError
-from fracsim.solve.setup import ready
+from fracsim.solve.setup import Ready, ready
 from fracsim.solve.simulator import Simulator
 
+INTERRUPTED = "interrupted by the user"
+EXPECTED = (KeyboardInterrupt, ValueError, OSError, RuntimeError)
+"""Errors that are an outcome of a run."""
 
-def run(scene: Scene) -> Path:
-    """Run a scene and return the folder of its sample; a whole sample that is already there is not made again.
 
-    Raises ValueError, OSError or RuntimeError with one clear message; what was rendered until then is kept in
-    `<id>.incomplete`.
+def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
+    """Run a scene and write its sample; a whole sample that is already there is not made again.
+
+    Prints nothing. A bad scene, a full disk, an unstable simulation and Ctrl-C are outcomes, not errors;
+    `outcome.sample()` raises for them.
     """
-    done = sample.find(scene)
-    if done is not None and not scene.output.overwrite:
-        console.already(done)
-        return done
-    check_names(scene)
-    backend.start(scene.backend)
-    ready(scene)
-    watch = Stopwatch()
-    film = Film(scene)
-    with Writer(scene, film.size, film.describe(), scene.capture.maps, scene.capture.rgb) as writer:
-        with console.progress(scene) as progress:
-            with watch("prepare"):
-                particles = build(scene.asset, scene.solver.spacing, scene.seed)
-            simulator = Simulator(scene, particles, progress.substeps)
-            reason = _shoot(scene, simulator, film, writer, watch, progress)
-        report = simulator.report
-        path = writer.finish(report.summary(), vars(report.history), watch.seconds, not reason, reason)
-    console.table(scene, report.summary(), watch.seconds, path, writer.frames)
-    if reason == console.INTERRUPTED:
-        raise KeyboardInterrupt
+    try:
+        existing = _existing(scene)
+        if existing:
+            return existing
+        check_names(scene)
+        backend.start(scene.backend)
+        prepared = ready(scene)
+        film = Film(scene)
+        writer = Writer(header_of(scene), scene.output)
+    except EXPECTED as error:
+        return _stopped(error)
+    try:
+        with writer:
+            return _record(scene, prepared, film, writer, watch or Watcher())
+    except EXPECTED as error:
+        return _stopped(error, writer)
+
+
+def _existing(scene: Scene) -> Outcome | None:
+    """The outcome of a scene whose sample is there, unless it is to be made again."""
+    path = find(scene.output, scene_id(scene))
+    if path is None or scene.output.overwrite:
+        return None
+    meta = read_meta(path)
+    return Outcome("existing", path, "", meta["report"], meta["seconds"], meta["frames"])
+
+
+def _stopped(error: BaseException, writer: Writer | None = None) -> Outcome:
+    """The outcome of an error, and of the frames that the writer has kept."""
+    frames = writer.frames if writer else 0
+    path = writer.folder if writer and frames else None
+    if isinstance(error, KeyboardInterrupt):
+        return Outcome("interrupted", path, INTERRUPTED, frames=frames)
+    return Outcome("failed", path, str(error), frames=frames)
+
+
+def _record(scene: Scene, prepared: Ready, film: Film, writer: Writer, watch: Watcher) -> Outcome:
+    """Prepare the object, record all frames and finish the sample; raises when no frame was written."""
+    timer = Stopwatch()
+    with timer("prepare"):
+        particles = build(scene.asset, scene.solver.spacing, scene.seed)
+    simulator = Simulator(scene, particles, watch.substeps, prepared)
+    reason = _shoot(scene, simulator, film, writer, timer, watch)
+    report, seconds = simulator.report.summary(), dict(timer.seconds)
+    path = writer.finish(report, vars(simulator.report.history), seconds, reason)
+    if reason == INTERRUPTED:
+        return Outcome("interrupted", path, reason, report, seconds, writer.frames)
     if reason:
-        raise SimulationError(f"{reason} Kept: {writer.frames} of {scene.capture.frames} frames, in {path}.")
-    return path
+        kept = f"{reason} Kept: {writer.frames} of {scene.capture.frames} frames, in {path}."
+        return Outcome("failed", path, kept, report, seconds, writer.frames)
+    status, doubts = health(report)
+    return Outcome(status, path, doubts, report, seconds, writer.frames)
 
 
-def check_names(scene: Scene) -> None:
-    """Load the plug-ins that a scene names; raises ValueError for an unknown one."""
-    registry.load("fracsim.constitutive", scene.material.law, "material.law")
-    registry.load("fracsim.damage", scene.fracture.law, "fracture.law")
-    for name in scene.capture.maps:
-        registry.load("fracsim.maps", name, "capture.maps")
-
-
-def _shoot(
-    scene: Scene, simulator: Simulator, film: Film, writer: Writer, watch: Stopwatch, progress: console.Progress
-) -> str:
+def _shoot(scene: Scene, simulator: Simulator, film: Film, writer: Writer, timer: Stopwatch, watch: Watcher) -> str:
     """Simulate, render and write all frames; returns why it ended early, or "". Raises when no frame was written."""
     tracked = np.zeros(0, int)
-    frames = iter(watch.timed("simulate", simulator.frames()))
+    frames = iter(timer.timed("simulate", simulator.frames()))
     try:
         with Interrupt() as interrupt:
             for frame in frames:
-                with watch("render"):
+                with timer("render"):
                     picture = film.shoot(frame, simulator.particles)
                 if frame.index == 0:
                     tracked = film.choose_tracks(frame, simulator.particles, picture)
                     writer.track(tracked)
-                with watch("write"):
+                with timer("write"):
                     tracks = film.tracks(frame, tracked, picture) if len(tracked) else None
                     writer.add(frame.index, picture.rgb, picture.alpha, picture.maps, tracks)
                     _extras(scene, writer.folder, frame, simulator.particles)
-                progress.frame(frame.index)
+                watch.frame(frame.index)
                 interrupt.check()
     except (SimulationError, KeyboardInterrupt) as error:
         if not writer.frames:
             raise
-        return str(error) or console.INTERRUPTED
+        return str(error) or INTERRUPTED
     return ""
 
 

@@ -1,4 +1,4 @@
-"""A scene at the fingertips of Python: frames one by one, and pictures of any quantity."""
+"""A scene in Python: frames one by one, and pictures of any quantity."""
 
 from collections.abc import Iterator
 
@@ -8,6 +8,7 @@ from fracsim import backend
 from fracsim.asset.build import build
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.film import Film
+from fracsim.scene.knob import check_names
 from fracsim.scene.vocab import Scene
 from fracsim.solve.report import Report
 from fracsim.solve.setup import ready
@@ -22,9 +23,11 @@ class Run:
 
     def __init__(self, scene: Scene) -> None:
         backend.start(scene.backend)
-        ready(scene)
+        check_names(scene)
+        prepared = ready(scene)
         self.scene = scene
-        self._simulator = Simulator(scene, build(scene.asset, scene.solver.spacing, scene.seed))
+        particles = build(scene.asset, scene.solver.spacing, scene.seed)
+        self._simulator = Simulator(scene, particles, prepared=prepared)
         self._film = Film(scene)
 
     @property

@@ -25,7 +25,7 @@ class Stopwatch:
             self.seconds[phase] += time.perf_counter() - start
 
     def timed(self, phase: str, items: Iterable[T]) -> Iterator[T]:
-        """The items, with the time it takes to make each one added to `phase`."""
+        """Yield the items, and add the time that each one takes to `phase`."""
         source = iter(items)
         while True:
             with self(phase):

@@ -1,4 +1,4 @@
-"""Where samples lie: claimed under a temporary name, put in place by renaming."""
+"""Folders of samples: written under a temporary name, put in place by renaming."""
 
 import os
 import shutil
@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from fracsim.sample import schema
-from fracsim.scene.vocab import Scene
+from fracsim.scene.vocab import Output
 
 
-def find(scene: Scene) -> Path | None:
-    """The complete sample of `scene` in its output.folder, or None; looks at names and sizes, not at contents."""
-    place = root(scene) / schema.sample_id(scene)
-    return place if is_whole(place) else None
+def find(output: Output, identity: str) -> Path | None:
+    """The complete sample of this id in output.folder, or None; looks at names and sizes, not at contents."""
+    path = root(output) / identity
+    return path if is_whole(path) else None
 
 
-def root(scene: Scene) -> Path:
-    """The folder in which samples of this scene are made."""
-    return Path(scene.output.folder).expanduser().absolute()
+def root(output: Output) -> Path:
+    """The folder in which samples are made."""
+    return Path(output.folder).expanduser().absolute()
 
 
 def is_whole(folder: Path) -> bool:
@@ -40,20 +40,20 @@ def _has(path: Path, size: int) -> bool:
     return path.is_file() and path.stat().st_size == size
 
 
-def claim(scene: Scene, identity: str, needed: int) -> Path:
-    """A fresh folder `<id>.partial-<pid>` in output.folder.
+def claim(output: Output, identity: str, needed: int) -> Path:
+    """A new folder `<id>.partial-<pid>` in output.folder.
 
     Raises ValueError naming output.folder when it cannot be written to, has not `needed` bytes free, or already holds
     the complete sample and output.overwrite is off.
     """
-    place, given = root(scene), f"output.folder={scene.output.folder}"
-    if is_whole(place / identity) and not scene.output.overwrite:
+    parent, given = root(output), f"output.folder={output.folder}"
+    if find(output, identity) and not output.overwrite:
         raise ValueError(f"{given} already holds {identity}, the sample of this scene: read that one, "
                          "or set output.overwrite=true to make it again.")  # fmt: skip
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        partial = _fresh(place / f"{identity}.partial-{os.getpid()}")
-        free = shutil.disk_usage(place).free
+        parent.mkdir(parents=True, exist_ok=True)
+        partial = _new_folder(parent / f"{identity}.partial-{os.getpid()}")
+        free = shutil.disk_usage(parent).free
     except OSError as error:
         raise ValueError(f"{given} cannot be written to ({error.strerror}): "
                          "set output.folder to a folder you may write to.") from None  # fmt: skip
@@ -64,8 +64,8 @@ def claim(scene: Scene, identity: str, needed: int) -> Path:
     return partial
 
 
-def _fresh(wanted: Path) -> Path:
-    """`wanted`, or with a number behind it, newly made; a killed process may have left one of that name."""
+def _new_folder(wanted: Path) -> Path:
+    """Make the folder `wanted`, or with a number behind it: a killed process may have left one of that name."""
     path, number = wanted, 1
     while True:
         try:
@@ -76,7 +76,10 @@ def _fresh(wanted: Path) -> Path:
 
 
 def publish(partial: Path, identity: str, overwrite: bool) -> Path:
-    """Give a complete sample its name, and return where it is; what was made in the meantime stays, or is replaced."""
+    """Give a complete sample its name, and return where it is.
+
+    A complete sample that another process has put there in the meantime stays, unless `overwrite` is on.
+    """
     target = partial.with_name(identity)
     if target.exists():
         if is_whole(target) and not overwrite:  # another process was faster
@@ -90,17 +93,18 @@ def publish(partial: Path, identity: str, overwrite: bool) -> Path:
 
 
 def _swap(partial: Path, target: Path) -> None:
-    aside = target.with_name(f"{target.name}.replaced-{os.getpid()}")
-    target.rename(aside)
+    """Put `partial` in the place of `target`."""
+    old = target.with_name(f"{target.name}.replaced-{os.getpid()}")
+    target.rename(old)
     try:
         partial.rename(target)
     except OSError:
-        aside.rename(target)
+        old.rename(target)
         raise
-    shutil.rmtree(aside, ignore_errors=True)
+    shutil.rmtree(old, ignore_errors=True)
 
 
-def shelve(partial: Path, identity: str) -> Path:
+def keep_incomplete(partial: Path, identity: str) -> Path:
     """Name an unfinished sample `<id>.incomplete`, in the place of an older one, and return where it is."""
     target = partial.with_name(f"{identity}.incomplete")
     with suppress(OSError):  # it stays readable under its temporary name

@@ -1,7 +1,8 @@
-"""With what a sample was made."""
+"""The versions and the machine behind a sample."""
 
 import platform
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -9,13 +10,21 @@ from typing import Any
 
 from fracsim.version import __version__
 
+PACKAGES = ("taichi", "numpy", "trimesh", "imageio-ffmpeg")
+"""Distributions that shape a simulated sample."""
 
-def provenance() -> dict[str, Any]:
-    """Versions of the packages that shape a sample, the platform, and the commit when run from a checkout."""
-    packages = {name: _version(name) for name in ("taichi", "numpy", "trimesh", "imageio-ffmpeg")}
+
+def provenance(
+    producer: str = "fracsim", producer_version: str = __version__, packages: Sequence[str] = PACKAGES
+) -> dict[str, Any]:
+    """Versions of the producer, of fracsim (it writes the files) and of `packages`, None for one that is not installed.
+
+    Also the platform, and the commit when run from a checkout.
+    """
     return {
         "fracsim": __version__,
-        **packages,
+        producer: producer_version,
+        **{name: _version(name) for name in packages},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": platform.processor() or platform.machine(),
@@ -40,8 +49,8 @@ def _checkout(root: Path) -> dict[str, Any]:
     return {"git_commit": commit or None, "git_dirty": None if changes is None else bool(changes)}
 
 
-def _git(root: Path, *words: str) -> str | None:
-    command = ["git", "--no-optional-locks", "-C", str(root), *words]
+def _git(root: Path, *arguments: str) -> str | None:
+    command = ["git", "--no-optional-locks", "-C", str(root), *arguments]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
     except (OSError, subprocess.SubprocessError):

@@ -1,4 +1,4 @@
-"""Reads a sample folder; arrays come in physical units and are decoded when they are asked for."""
+"""Reads a sample folder; arrays are in physical units and are decoded at first use."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from fracsim.records import Array
 from fracsim.sample import schema
 from fracsim.sample.folder import lacking
+from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
 from fracsim.sample.quantise import LEVELS, dequantise
 from fracsim.sample.video import count, decode
 from fracsim.scene.vocab import Scene
@@ -50,45 +51,89 @@ class Maps(Mapping[str, Array]):
         return len(self._names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sample:
     """A sample on disk; T = `frames`. Arrays that were not recorded, or whose file is damaged, raise ValueError."""
 
     path: Path
     meta: dict[str, Any]
-    """What meta.json says: id, view, units and ranges of the maps, provenance, report."""
+    """The entries of meta.json: id, producer, content, view, units and ranges of the maps, provenance, report."""
     frames: int
     """Frames that can be read; of an incomplete sample, those that are whole in every file."""
 
+    def __repr__(self) -> str:
+        meta, (width, height) = self.meta, self.meta["size"]
+        state = "complete" if self.complete else f"incomplete ({meta['reason']})"
+        recorded = [name for name in ("rgb", "alpha") if meta[name]]
+        recorded += [f"{name} [{entry['unit']}]" for name, entry in meta["maps"].items()]
+        return (
+            f"Sample {meta['id']} of {meta['producer']}, {state}, in {self.path}\n"
+            f"{self.frames} frames at {meta['fps']:g} a second, {width} x {height} pixels\n"
+            f"{', '.join(recorded) or 'no pictures'}"
+        )
+
     @property
     def complete(self) -> bool:
-        """Whether the sample has all that its scene asks for."""
+        """Whether the sample has all that its producer announced."""
         return bool(self.meta["complete"])
+
+    @property
+    def producer(self) -> str:
+        """Name of the program behind the sample, as fracsim."""
+        return str(self.meta["producer"])
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What makes the sample again, as a mapping; of a simulated sample the resolved scene."""
+        return schema.load_document(self.path / self.meta["document"])
 
     @cached_property
     def scene(self) -> Scene:
-        """The resolved scene."""
+        """The resolved scene of a simulated sample; raises ValueError for another producer."""
+        if self.producer != FRACSIM:
+            raise ValueError(
+                f"{self.path} is not simulated but made by {self.producer}: it has a `document`, no scene."
+            )
         return schema.load_scene(self.path / schema.SCENE)
 
     @cached_property
     def rgb(self) -> Array:
         """Colour, [T, H, W, 3] uint8."""
-        if not self.meta["rgb"]:
-            raise ValueError(f"{self.path} has no colour: it was made with capture.rgb=false.")
-        return self._decode(schema.RGB, "rgb")
+        return self.read("rgb")
 
     @cached_property
     def alpha(self) -> Array:
         """How much of each pixel the object covers, in [0, 1], [T, H, W] float32."""
-        return np.asarray(self._decode(schema.ALPHA, "gray16") / np.float32(LEVELS))
+        return self.read("alpha")
 
     @cached_property
     def maps(self) -> Maps:
         """Physics maps in physical units, [T, H, W, C] float32 each; exactly 0 where there is no object.
 
-        A pixel holds the quantity times its coverage: divide by `alpha` for the quantity itself.
+        A pixel holds the quantity times its coverage: divide by `alpha`, if there is one, for the quantity itself.
         """
-        return Maps(tuple(self.meta["maps"]), self._map)
+        return Maps(tuple(self.meta["maps"]), self.read)
+
+    def read(self, what: str, start: int = 0, stop: int | None = None) -> Array:
+        """Frames start .. stop - 1 (default: all) of "rgb", "alpha" or a map, as in `rgb`, `alpha` and `maps`.
+
+        Decodes these frames only and keeps nothing. Raises ValueError for a range that is empty or not within
+        0 .. frames, for what was not recorded, and for damage within the range.
+        """
+        stop = self.frames if stop is None else stop
+        if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
+            raise ValueError(f"frames {start} to {stop} of {what} cannot be read: {self.path} has frames 0 to "
+                             f"{self.frames}, and start must be below stop.")  # fmt: skip
+        if what in self.meta["maps"]:
+            return self._map(what, start, stop)
+        if what not in ("rgb", "alpha"):
+            known = [name for name in ("rgb", "alpha") if self.meta[name]] + list(self.meta["maps"])
+            raise ValueError(f"{what} was not recorded in {self.path}: read one of {', '.join(known) or 'nothing'}.")
+        if not self.meta[what]:
+            raise ValueError(f"{self.path} has no {what}: {self._why_without(what)}.")
+        if what == "rgb":
+            return self._decode(schema.RGB, "rgb", start, stop)
+        return np.asarray(self._decode(schema.ALPHA, "gray16", start, stop) / np.float32(LEVELS))
 
     @cached_property
     def tracks(self) -> Tracks:
@@ -102,20 +147,25 @@ class Sample:
         with self._arrays(schema.HISTORY) as arrays:
             return dict(arrays)
 
-    def _map(self, name: str) -> Array:
-        channels, ranges = self.meta["maps"][name]["channels"], self.meta["ranges"][name]
-        codes = self._decode(schema.map_file(name), "gray16", channels)
+    def _why_without(self, what: str) -> str:
+        if self.producer != FRACSIM:
+            return f"{self.producer} did not record it"
+        return "it was made with capture.rgb=false" + (" and capture.maps=[]" if what == "alpha" else "")
+
+    def _map(self, name: str, start: int, stop: int) -> Array:
+        channels, ranges = self.meta["maps"][name]["channels"], self.meta["ranges"][name][start:stop]
+        codes = self._decode(schema.map_file(name), "gray16", start, stop, channels)
         planes = codes.reshape(len(codes), channels, -1, codes.shape[-1])
         values = np.empty((len(codes), *planes.shape[2:], channels), np.float32)
         for k, c in np.ndindex(len(codes), channels):
             values[k, ..., c] = dequantise(planes[k, c], *ranges[k][c])
         return values
 
-    def _decode(self, name: str, codec: str, stacked: int = 1) -> Array:
+    def _decode(self, name: str, codec: str, start: int, stop: int, stacked: int = 1) -> Array:
         width, height = self.meta["size"]
-        frames = decode(self._file(name), width, height * stacked, codec, self.frames)
-        if len(frames) < self.frames:
-            raise ValueError(f"{self.path / name} is damaged: {len(frames)} of {self.frames} frames can be decoded. "
+        frames = decode(self._file(name), width, height * stacked, codec, start, stop)
+        if len(frames) < stop - start:
+            raise ValueError(f"{self.path / name} is damaged: {len(frames)} of {stop - start} frames can be decoded. "
                              "Make the sample again, or read it with allow_incomplete=True.")  # fmt: skip
         return frames
 
@@ -128,7 +178,7 @@ class Sample:
 
     def _file(self, name: str) -> Path:
         if not (self.path / name).is_file():
-            raise ValueError(f"{self.path} has no {name}: its scene did not ask for it, or it was not finished.")
+            raise ValueError(f"{self.path} has no {name}: its producer did not record it, or it was not finished.")
         return self.path / name
 
 
@@ -156,20 +206,32 @@ def read(path: Path | str, allow_incomplete: bool = False) -> Sample:
 def verify(path: Path | str) -> list[str]:
     """What is wrong with a sample, a sentence each; empty when every file is as it was written.
 
-    Hashes all files again, and the scene against the id.
+    Hashes all files again, and what the id stands for; samples of version 1 did not store that.
     """
     folder = Path(path).expanduser()
     try:
         meta = schema.read_meta(folder)
         problems = [] if meta["complete"] else [f"incomplete: {meta['reason']}"]
-        if schema.sample_id(schema.load_scene(folder / schema.SCENE), meta["asset_sha256"]) != meta["id"]:
-            problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
+        if meta["schema"] > 1:
+            problems += _mismatches(folder, meta)
         # The files of a sample that was never finished are not listed.
         return problems + (_differences(meta["files"], schema.inventory(folder)) if meta["files"] else [])
     except (ValueError, OSError) as error:
         return [str(error)]
     except (KeyError, TypeError) as error:
         return [f"{schema.META} lacks {error}"]
+
+
+def _mismatches(folder: Path, meta: Mapping[str, Any]) -> list[str]:
+    """Whether the content, and the scene of a simulated sample, belong to the id; a sentence for each that does not."""
+    problems, content = [], meta["content"]
+    if sample_id(meta["producer"], content) != meta["id"]:
+        problems.append(f"content is not that of {meta['id']}")
+    if meta["producer"] == FRACSIM:
+        scene = schema.load_scene(folder / schema.SCENE)
+        if scene_content(scene, content.get("asset.path", "")) != canonical(content):
+            problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
+    return problems
 
 
 def _differences(written: Mapping[str, Any], there: Mapping[str, Any]) -> list[str]:
@@ -194,6 +256,5 @@ def _recover(folder: Path, meta: dict[str, Any]) -> None:
 
 def _readable(folder: Path, meta: dict[str, Any]) -> int:
     """Frames that are whole in every video of a damaged or unfinished sample."""
-    videos = [schema.RGB] * meta["rgb"] + [schema.map_file(name) for name in meta["maps"]]
-    videos += [schema.ALPHA] if videos else []
+    videos = [schema.RGB] * meta["rgb"] + [schema.ALPHA] * meta["alpha"] + [schema.map_file(m) for m in meta["maps"]]
     return min([int(meta["frames"]), *(count(folder / name) for name in videos)])

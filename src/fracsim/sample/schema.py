@@ -1,6 +1,5 @@
-"""What a sample folder holds, and the identity of a sample."""
+"""What a sample folder holds: names of files, meta.json, and the document that makes the sample again."""
 
-import hashlib
 import json
 import math
 import os
@@ -13,12 +12,16 @@ import numpy as np
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from fracsim.sample.identity import FRACSIM, digest
 from fracsim.scene.vocab import Scene
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""Versions that `read_meta` understands. Version 1 held scenes only, and not the content that names them."""
 META = "meta.json"
 """Everything about the sample that is not an array; `complete` is true only when all of it is there."""
 SCENE = "scene.yaml"
+"""The document of a simulated sample."""
 RGB = "rgb.mkv"
 """uint8 colour, FFV1, lossless."""
 ALPHA = "alpha.mkv"
@@ -38,62 +41,29 @@ def map_file(name: str) -> str:
     return f"maps/{name}.mkv"
 
 
-def sample_id(scene: Scene, asset_sha256: str | None = None) -> str:
-    """First 12 hex digits of the sha256 of the resolved scene, without `backend` and `output`.
-
-    asset.path counts by the content of the file (`asset_sha256` if known). Raises ValueError when it cannot be read.
-    """
-    content = {k: v for k, v in asdict(scene).items() if k not in ("backend", "output")}
-    content["asset"]["path"] = asset_digest(scene) if asset_sha256 is None else asset_sha256
-    canonical = json.dumps(
-        {"schema": VERSION, "scene": _numbers(content)}, sort_keys=True, separators=(",", ":"), allow_nan=False
-    )
-    return hashlib.sha256(canonical.encode()).hexdigest()[:12]
-
-
-def _numbers(value: Any) -> Any:
-    """Numbers as floats, and -0.0 as 0.0, so that speed=1 and speed=1.0 are one scene."""
-    if isinstance(value, dict):
-        return {k: _numbers(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_numbers(v) for v in value]
-    return value if isinstance(value, (str, bool, type(None))) else float(value) + 0.0
-
-
-def asset_digest(scene: Scene) -> str:
-    """sha256 of the object's file, or "" for a built-in one; raises ValueError when it cannot be read."""
-    if scene.asset.kind == "builtin":
-        return ""
-    try:
-        return digest(Path(scene.asset.path).expanduser())
-    except OSError as error:
-        raise ValueError(
-            f"asset.path={scene.asset.path} cannot be read ({error.strerror}): set asset.path to a file that can."
-        ) from None
-
-
-def digest(path: Path) -> str:
-    """sha256 of a file, in hex."""
-    sha = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            sha.update(block)
-    return sha.hexdigest()
-
-
 def inventory(folder: Path) -> dict[str, dict[str, Any]]:
     """Size and sha256 of every file of a sample but those that describe it."""
     files = (p for p in sorted(folder.rglob("*")) if p.is_file() and p.name not in (META, JOURNAL))
     return {p.relative_to(folder).as_posix(): {"bytes": p.stat().st_size, "sha256": digest(p)} for p in files}
 
 
-def save_scene(scene: Scene, path: Path) -> None:
-    """Write the resolved scene as YAML."""
-    OmegaConf.save(OmegaConf.structured(scene), path)
+def save_document(document: Mapping[str, Any], path: Path) -> None:
+    """Write a document as YAML."""
+    OmegaConf.save(OmegaConf.create(dict(document)), path)
+
+
+def load_document(path: Path) -> dict[str, Any]:
+    """The document in a YAML file; raises ValueError when it cannot be read."""
+    try:
+        document = OmegaConf.to_container(OmegaConf.load(path))
+    except (OSError, ValueError, OmegaConfBaseException) as error:
+        raise ValueError(f"{path} cannot be read: {error}. Make the sample again.") from None
+    assert isinstance(document, dict)
+    return {str(k): v for k, v in document.items()}
 
 
 def load_scene(path: Path) -> Scene:
-    """The scene in a YAML file written by `save_scene`; raises ValueError when it is none."""
+    """The scene in a YAML file written from one; raises ValueError when it is none."""
     try:
         scene = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Scene), OmegaConf.load(path)))
     except (OSError, OmegaConfBaseException) as error:
@@ -102,11 +72,11 @@ def load_scene(path: Path) -> Scene:
     return scene
 
 
-def write_meta(folder: Path, meta: dict[str, Any]) -> None:
+def write_meta(folder: Path, meta: Mapping[str, Any]) -> None:
     """Write meta.json at once: a reader sees the old or the new one, never a part."""
-    fresh = folder / f"{META}.new"
-    fresh.write_text(_lines(plain(meta), 3) + "\n", encoding="utf-8")
-    os.replace(fresh, folder / META)
+    new = folder / f"{META}.new"
+    new.write_text(_lines(plain(meta), 3) + "\n", encoding="utf-8")
+    os.replace(new, folder / META)
 
 
 def _lines(value: Any, depth: int) -> str:
@@ -119,7 +89,10 @@ def _lines(value: Any, depth: int) -> str:
 
 
 def read_meta(folder: Path) -> dict[str, Any]:
-    """meta.json of a sample; raises ValueError when `folder` is no sample, or one of another schema version."""
+    """meta.json of a sample with the entries of the present version; `schema` stays the version on disk.
+
+    Raises ValueError when `folder` is no sample, or one of an unknown schema version.
+    """
     if not (folder / META).is_file():
         raise ValueError(f"{folder} is not a sample: it has no {META}. Give a folder that fracsim has written.")
     try:
@@ -127,13 +100,18 @@ def read_meta(folder: Path) -> dict[str, Any]:
         version = meta["schema"]
     except (ValueError, KeyError, TypeError):
         raise ValueError(f"{folder} is not a sample: its {META} is damaged. Make the sample again.") from None
-    if version != VERSION:
+    if version not in READABLE:
         raise ValueError(
-            f"{folder} has schema version {version}, but this fracsim reads version {VERSION}: "
-            "make the sample again, or read it with the version of fracsim that its meta.json names."
+            f"{folder} has schema version {version}, but this fracsim reads versions {' and '.join(map(str, READABLE))}"
+            ": make the sample again, or read it with the version of fracsim that its meta.json names."
         )
     assert isinstance(meta, dict)
-    return meta
+    return _upgraded(meta) if version == 1 else meta
+
+
+def _upgraded(meta: dict[str, Any]) -> dict[str, Any]:
+    """meta.json of version 1 with the entries that version 2 added."""
+    return {"producer": FRACSIM, "content": {}, "document": SCENE, "alpha": bool(meta["rgb"] or meta["maps"]), **meta}
 
 
 def plain(value: Any) -> Any:

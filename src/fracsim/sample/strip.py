@@ -1,24 +1,23 @@
 """strip.mp4: colour and maps side by side, for people.
 
-The colours want the largest value of the clip, which is known at the end, so small frames wait in a scratch file.
+The colours need the largest value of the clip, known only at the end, so small frames are kept in a scratch file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from fracsim.records import Array
+from fracsim.sample.header import Header, MapInfo
 from fracsim.sample.quantise import dequantise, quantise
 from fracsim.sample.video import Encoder
 
 WIDEST = 320
 """Panels are reduced by a whole factor until they are no wider [px]."""
-HEADER, GAP = 24, 4
+TITLE, GAP = 24, 4
 """Height of the labels and width of the space between panels [px]."""
 GREY = "#606060"
 COLOURS = ("viridis", "inferno", "plasma", "cividis")
@@ -32,48 +31,34 @@ def reduction(width: int) -> int:
     return -(-width // WIDEST)
 
 
-@dataclass(frozen=True)
-class Panel:
-    """A map in the strip."""
-
-    name: str
-    label: str
-    unit: str
-    channels: int
-    scale: float | None
-    """Value shown in full colour; None = nearly the largest of the clip."""
-
-    @classmethod
-    def of(cls, name: str, module: ModuleType) -> "Panel":
-        """The panel of a map module."""
-        return cls(name, module.LABEL, module.UNIT, module.CHANNELS, module.SCALE)
-
-
 class Strip:
-    """Collects frames and encodes them; width and height [px] are those of the sample."""
+    """Collects frames of a sample and encodes them."""
 
-    def __init__(self, folder: Path, width: int, height: int, rgb: bool, panels: list[Panel], fps: float) -> None:
-        self._factor = reduction(width)
-        self._shape = -(-height // self._factor), -(-width // self._factor)
-        self._rgb, self._panels, self._fps = rgb, panels, fps
-        self._peaks = {panel.name: 0.0 for panel in panels}
+    def __init__(self, folder: Path, header: Header) -> None:
+        self._factor = reduction(header.width)
+        self._shape = -(-header.height // self._factor), -(-header.width // self._factor)
+        self._header = header
+        self._peaks = dict.fromkeys(header.maps, 0.0)
         self._ranges: list[list[tuple[float, float]]] = []
         self._scratch_path = folder / "strip.scratch"
         self._scratch = self._scratch_path.open("wb+")
 
-    def add(self, rgb: Array | None, alpha: Array, maps: Mapping[str, Array]) -> None:
-        """Take a frame: rgb uint8 [H, W, 3], alpha [H, W], and the planes of the maps, [C, H, W]."""
-        coverage, ranges = self._small(np.asarray(alpha, np.float32)), []
+    def add(self, rgb: Array | None, alpha: Array | None, maps: Mapping[str, Array]) -> None:
+        """Append a frame: rgb uint8 [H, W, 3], alpha [H, W] (None: all is covered), planes of the maps, [C, H, W]."""
+        coverage: Array = np.ones(self._shape, np.float32)
+        ranges = []
         if rgb is not None:
             self._scratch.write(self._small(rgb).tobytes())
-        self._scratch.write((np.clip(coverage, 0, 1) * 255 + 0.5).astype(np.uint8).tobytes())
+        if alpha is not None:
+            coverage = self._small(np.asarray(alpha, np.float32))
+            self._scratch.write((np.clip(coverage, 0, 1) * 255 + 0.5).astype(np.uint8).tobytes())
         covered = coverage > FAINT
-        for panel in self._panels:
-            # The quantity itself, not how much of it shows: no dark rim where coverage fades.
-            planes = np.stack([self._small(plane) for plane in maps[panel.name]]) / np.maximum(coverage, FAINT)
+        for name in self._header.maps:
+            # The quantity itself, not the quantity times its coverage: no dark rim where coverage fades.
+            planes = np.stack([self._small(plane) for plane in maps[name]]) / np.maximum(coverage, FAINT)
             magnitude = np.sqrt((planes[:, covered] ** 2).sum(axis=0))
-            if magnitude.size:  # a single wild particle shall not make the clip dark
-                self._peaks[panel.name] = max(self._peaks[panel.name], float(np.percentile(magnitude, 99.5)))
+            if magnitude.size:  # a single wild particle must not make the clip dark
+                self._peaks[name] = max(self._peaks[name], float(np.percentile(magnitude, 99.5)))
             codes, span = quantise(planes)
             self._scratch.write(codes.tobytes())
             ranges.append(span)
@@ -86,17 +71,17 @@ class Strip:
     def encode(self, path: Path) -> None:
         """Write the strip and drop the scratch file; raises OSError when the disk is full."""
         h, w = self._shape
-        tiles = self._rgb + len(self._panels)
-        width, height = tiles * (w + GAP) + GAP, HEADER + h + GAP
-        scales = {p.name: p.scale or self._peaks[p.name] or 1.0 for p in self._panels}
-        header = self._header(width + width % 2, height + height % 2, scales)
+        tiles = self._header.rgb + len(self._header.maps)
+        width, height = tiles * (w + GAP) + GAP, TITLE + h + GAP
+        scales = {name: info.scale or self._peaks[name] or 1.0 for name, info in self._header.maps.items()}
+        background = self._background(width + width % 2, height + height % 2, scales)
         self._scratch.seek(0)
         with Encoder(path, width + width % 2, height + height % 2, "strip") as encoder:
             for index, ranges in enumerate(self._ranges):
-                picture = _stamped(header, f"t = {index / self._fps:.3f} s" if self._rgb else "")
+                picture = _stamped(background, f"t = {index / self._header.fps:.3f} s" if self._header.rgb else "")
                 for k, tile in enumerate(self._tiles(ranges, scales)):
                     left = GAP + k * (w + GAP)
-                    picture[HEADER : HEADER + h, left : left + w] = tile
+                    picture[TITLE : TITLE + h, left : left + w] = tile
                 encoder.write(picture)
         self.close()
 
@@ -105,12 +90,12 @@ class Strip:
         self._scratch.close()
         self._scratch_path.unlink(missing_ok=True)
 
-    def _header(self, width: int, height: int, scales: dict[str, float]) -> Image.Image:
+    def _background(self, width: int, height: int, scales: dict[str, float]) -> Image.Image:
         """A white picture with lines between the panels, their names, and what their full colours mean."""
         picture = Image.new("RGB", (width, height), "white")
         draw, step = ImageDraw.Draw(picture), self._shape[1] + GAP
-        texts = [("rgb", "")] if self._rgb else []
-        texts += [(panel.label, f"0 to {amount(scales[panel.name], panel.unit)}") for panel in self._panels]
+        texts = [("rgb", "")] if self._header.rgb else []
+        texts += [(i.label, f"0 to {amount(scales[name], i.unit)}") for name, i in self._header.maps.items()]
         for k, (label, full) in enumerate(texts):
             draw.text((GAP + k * step + 4, 4), label, fill="black", font=_font())
             draw.text(((k + 1) * step - 4, 4), full, fill=GREY, font=_font(), anchor="ra")
@@ -120,16 +105,22 @@ class Strip:
 
     def _tiles(self, ranges: list[tuple[float, float]], scales: dict[str, float]) -> list[Array]:
         """The next frame of the scratch file as uint8 pictures."""
-        shape = self._shape
-        tiles = [self._next(np.uint8, (*shape, 3))] if self._rgb else []
-        alpha = self._next(np.uint8, (*shape, 1)).astype(np.float32) / 255
-        scalars = 0
-        for panel, span in zip(self._panels, ranges, strict=True):
-            planes = dequantise(self._next(np.uint16, (panel.channels, *shape)), *span) / np.float32(scales[panel.name])
-            colour = vectors(planes) if panel.channels == 2 else scalar(planes, COLOURS[scalars % len(COLOURS)])
-            scalars += panel.channels != 2
+        alpha: Array = np.ones((*self._shape, 1), np.float32)
+        tiles, scalars = [], 0
+        if self._header.rgb:
+            tiles.append(self._next(np.uint8, (*self._shape, 3)))
+        if self._header.alpha:
+            alpha = self._next(np.uint8, (*self._shape, 1)).astype(np.float32) / 255
+        for (name, info), span in zip(self._header.maps.items(), ranges, strict=True):
+            planes = self._planes(info, span) / np.float32(scales[name])
+            colour = vectors(planes) if info.channels == 2 else scalar(planes, COLOURS[scalars % len(COLOURS)])
+            scalars += info.channels != 2
             tiles.append((255 * (1 - alpha) + colour * alpha + 0.5).astype(np.uint8))
         return tiles
+
+    def _planes(self, info: MapInfo, span: tuple[float, float]) -> Array:
+        """The next map of the scratch file, [C, H, W] float32."""
+        return dequantise(self._next(np.uint16, (info.channels, *self._shape)), *span)
 
     def _next(self, kind: type[np.generic], shape: tuple[int, ...]) -> Array:
         size = int(np.prod(shape)) * np.dtype(kind).itemsize
@@ -177,7 +168,8 @@ def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size=14)
 
 
-def _stamped(header: Image.Image, text: str) -> Array:
-    picture = header.copy()
+def _stamped(background: Image.Image, text: str) -> Array:
+    """A copy of the picture with a text behind the first label, uint8 [H, W, 3]."""
+    picture = background.copy()
     ImageDraw.Draw(picture).text((GAP + 40, 4), text, fill=GREY, font=_font())
     return np.array(picture)

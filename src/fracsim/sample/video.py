@@ -1,7 +1,7 @@
 """Streams of frames to video files and back, through the ffmpeg that imageio-ffmpeg ships.
 
-The processes are run here, not by imageio_ffmpeg.write_frames, because that does not tell how the encoder ended: a
-full disk would pass for a finished file.
+The processes are run here, not by imageio_ffmpeg.write_frames, which hides the exit status of the encoder: a full disk
+would pass for a finished file.
 """
 
 import re
@@ -42,15 +42,15 @@ class Encoder:
     def __init__(self, path: Path, width: int, height: int, codec: str) -> None:
         pixels, options = CODECS[codec]
         self.path = path
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115  # a pipe that nobody reads could fill and block
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # an unread pipe could fill and block
         command = [get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", pixels,
                    "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", *options, str(path)]  # fmt: skip
         # A session of its own: Ctrl-C at the terminal must not end the encoder before its last frame.
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                                         stderr=self._said, start_new_session=True)  # fmt: skip
+                                         stderr=self._errors, start_new_session=True)  # fmt: skip
 
     def write(self, frame: Array) -> None:
-        """Append a frame; raises OSError with the encoder's words when it has ended."""
+        """Append a frame; raises OSError with the encoder's message when it has ended."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(np.ascontiguousarray(frame).data.cast("B"))
@@ -60,17 +60,17 @@ class Encoder:
 
     def close(self) -> None:
         """Finish the file; raises OSError when the encoder failed. Later calls do nothing."""
-        if self._said.closed:
+        if self._errors.closed:
             return
         assert self._process.stdin is not None
-        with suppress(OSError):  # it has ended already, and says below why
+        with suppress(OSError):  # it has ended already; the reason follows below
             self._process.stdin.close()
         code = self._process.wait()
-        self._said.seek(0)
-        words = self._said.read().decode(errors="replace").strip().partition("\n")[0].rpartition("] ")[2]
-        self._said.close()
+        self._errors.seek(0)
+        message = self._errors.read().decode(errors="replace").strip().partition("\n")[0].rpartition("] ")[2]
+        self._errors.close()
         if code != 0:
-            raise OSError(f"the encoder of {self.path.name} ended with status {code}: {words or 'it said nothing'}")
+            raise OSError(f"the encoder of {self.path.name} ended with status {code}: {message or 'no message'}")
 
     def __enter__(self) -> "Encoder":
         return self
@@ -81,39 +81,46 @@ class Encoder:
         self.close()
 
 
-def decode(path: Path, width: int, height: int, codec: str, frames: int) -> Array:
-    """The first `frames` frames, or those before the first damaged one, [T, height, width(, 3)].
+def decode(path: Path, width: int, height: int, codec: str, start: int, stop: int) -> Array:
+    """Frames start .. stop - 1, or those before the first damaged one, [T, height, width(, 3)].
 
-    uint8 for codec "rgb", uint16 for "gray16".
+    uint8 for codec "rgb", uint16 for "gray16". Files are intra-only, so no other frame is decoded.
     """
     tail, dtype = _SHAPES[codec]
-    out = np.empty((frames, height, width, *tail), dtype)
-    command = _reading(path, "-frames:v", str(max(frames, 1)), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
+    out = np.empty((stop - start, height, width, *tail), dtype)
+    if start >= stop:
+        return out
+    # At a constant rate frame k begins at k / FPS, a whole number of milliseconds.
+    options = ("-frames:v", str(stop - start), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
+    command = _reading(path, start / FPS, *options)
     with (
-        tempfile.TemporaryFile() as said,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said) as process,
+        tempfile.TemporaryFile() as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as process,
     ):
         stream = cast(BufferedReader, process.stdout)
-        got = stream.readinto(out.data.cast("B")) if frames else 0
-        stream.close()  # nothing more is wanted, and ffmpeg must not wait
+        received = stream.readinto(out.data.cast("B"))
+        stream.close()  # ffmpeg must not wait for a reader
         process.wait()
-        said.seek(0)
-        return out[: min(got // max(out[:1].nbytes, 1), _sound(said.read()))]
+        errors.seek(0)
+        return out[: min(received // out[0].nbytes, _intact(errors.read()))]
 
 
 def count(path: Path) -> int:
     """Number of frames before the first damaged one; 0 when the file cannot be read."""
-    listing = subprocess.run(_reading(path, "-f", "framecrc", "-"), capture_output=True)
+    listing = subprocess.run(_reading(path, 0.0, "-f", "framecrc", "-"), capture_output=True)
     frames = sum(not line.startswith(b"#") for line in listing.stdout.splitlines())
-    return min(frames, _sound(listing.stderr))
+    return min(frames, _intact(listing.stderr))
 
 
-def _reading(path: Path, *output: str) -> Sequence[str]:
-    strict = ("-xerror", "-err_detect", "explode")
-    return (get_ffmpeg_exe(), "-v", "error", *strict, "-i", str(path), "-map", "0:v:0", *output)
+def _reading(path: Path, start: float, *output: str) -> Sequence[str]:
+    """The command that decodes `path` from the time `start` [s] and stops at the first damage."""
+    # Threads share the slices of a frame: threads that take a frame each would also decode frames after the last one.
+    strict = ("-xerror", "-err_detect", "explode", "-thread_type", "slice")
+    seek = ("-ss", f"{start:.3f}") if start else ()
+    return (get_ffmpeg_exe(), "-v", "error", *strict, *seek, "-i", str(path), "-map", "0:v:0", *output)
 
 
-def _sound(said: bytes) -> int:
+def _intact(errors: bytes) -> int:
     """Frames before the first one that ffmpeg replaced by a guess, because a checksum of FFV1 did not match."""
-    times = re.findall(rb"CRC mismatch \w+!at ([0-9.]+) seconds", said)
+    times = re.findall(rb"CRC mismatch \w+!at ([0-9.]+) seconds", errors)  # counted from the first frame asked for
     return min((round(float(t) * FPS) for t in times), default=sys.maxsize)

@@ -6,22 +6,21 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType, TracebackType
+from types import TracebackType
 from typing import Any, TextIO
 
 import numpy as np
 
-from fracsim import registry
 from fracsim.records import Array
 from fracsim.sample import schema
-from fracsim.sample.folder import claim, find, publish, shelve
+from fracsim.sample.folder import claim, keep_incomplete, publish
+from fracsim.sample.header import Header
+from fracsim.sample.identity import canonical
 from fracsim.sample.provenance import provenance
 from fracsim.sample.quantise import LEVELS, quantise
-from fracsim.sample.strip import Panel, Strip, reduction
+from fracsim.sample.strip import Strip, reduction
 from fracsim.sample.video import Encoder
-from fracsim.scene.vocab import Scene
-
-__all__ = ["Writer", "find"]
+from fracsim.scene.vocab import Output
 
 Tracks = tuple[Array, Array]
 _RESERVE = ".reserve"
@@ -31,41 +30,24 @@ _RESERVE = ".reserve"
 class Writer:
     """A sample being written; a context manager that keeps it as incomplete when an exception passes.
 
-    `view_size` is (width, height) [px], `view` describes the camera, `maps` are names of fracsim.maps, `rgb` tells
-    whether colour will come. Raises ValueError naming output.folder when a sample of this size cannot be written there.
+    Raises ValueError naming output.folder when a sample of this size cannot be written there, or is there already and
+    output.overwrite is off.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        view_size: tuple[int, int],
-        view: Mapping[str, Any],
-        maps: Sequence[str],
-        rgb: bool,
-    ) -> None:
-        asset_sha256 = schema.asset_digest(scene)
-        self.id = schema.sample_id(scene, asset_sha256)
+    def __init__(self, header: Header, output: Output) -> None:
+        self.id = header.id
         self.frames = 0
-        self._scene, self._rgb = scene, rgb
+        self._header, self._output = header, output
         self._particles: Array | None = None
-        self._width, self._height = view_size
-        self._modules = {name: registry.load("fracsim.maps", name, "capture.maps") for name in maps}
-        self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in maps}
-        self._largest = dict.fromkeys(maps, 0.0)
+        self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in header.maps}
+        self._largest = dict.fromkeys(header.maps, 0.0)
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
         self._strip: Strip | None = None
         self._journal: TextIO | None = None
-        self._meta: dict[str, Any] = {
-            "schema": schema.VERSION, "id": self.id, "complete": False,
-            "reason": "it is still being written, or its process was killed",
-            "frames": 0, "fps": scene.capture.fps, "size": list(view_size), "rgb": rgb,
-            "maps": {name: _about(module) for name, module in self._modules.items()},
-            "asset_sha256": asset_sha256, "view": view, "backend": asdict(scene.backend),
-            "provenance": provenance(), "report": {}, "seconds": {}, "files": {}, "ranges": {},
-        }  # fmt: skip
-        self.folder = claim(scene, self.id, self._estimate())
-        """Where the sample lies while it is written; other files put here become part of it."""
+        self._meta = _first_meta(header)
+        self.folder = claim(output, self.id, self._estimate())
+        """Where the sample lies; other files put here before `finish` become part of it."""
         self._open = True
         try:
             self._begin()
@@ -76,39 +58,35 @@ class Writer:
             self._give_up(error)
             raise
 
-    @property
-    def _pictures(self) -> bool:
-        return bool(self._rgb or self._modules)
-
     def _estimate(self) -> int:
         """Bytes that the sample and its scratch file may need; the videos of textured objects took a third or less."""
-        channels = sum(module.CHANNELS for module in self._modules.values())
-        per_pixel = 0.5 * self._rgb + 0.4 * (channels + self._pictures)
-        if self._scene.capture.strip:
-            per_pixel += (3 * self._rgb + self._pictures + 2 * channels) / reduction(self._width) ** 2
-        return int(self._scene.capture.frames * self._width * self._height * per_pixel) + self._late_bytes()
+        h = self._header
+        channels = sum(info.channels for info in h.maps.values())
+        per_pixel = 0.5 * h.rgb + 0.4 * (channels + h.alpha)
+        if h.strip and h.pictures:
+            per_pixel += (3 * h.rgb + h.alpha + 2 * channels) / reduction(h.width) ** 2
+        return int(h.frames * h.width * h.height * per_pixel) + self._late_bytes()
 
     def _late_bytes(self) -> int:
-        return 9 * self._scene.capture.frames * self._scene.capture.tracks + (1 << 20)
+        return 9 * self._header.frames * self._header.tracks + (1 << 20)
 
     def _begin(self) -> None:
-        w, h = self._width, self._height
+        header = self._header
+        w, h = header.width, header.height
         schema.write_meta(self.folder, self._meta)
-        schema.save_scene(self._scene, self.folder / schema.SCENE)
+        schema.save_document(header.document, self.folder / header.document_file)
         (self.folder / _RESERVE).write_bytes(bytes(self._late_bytes()))
         self._journal = (self.folder / schema.JOURNAL).open("w", encoding="utf-8")
-        if self._rgb:
+        if header.rgb:
             self._encoders["rgb"] = Encoder(self.folder / schema.RGB, w, h, "rgb")
-        if self._pictures:
+        if header.alpha:
             self._encoders["alpha"] = Encoder(self.folder / schema.ALPHA, w, h, "gray16")
-        if self._modules:
+        if header.maps:
             (self.folder / "maps").mkdir()
-        for name, module in self._modules.items():
-            path = self.folder / schema.map_file(name)
-            self._encoders[name] = Encoder(path, w, h * module.CHANNELS, "gray16")
-        if self._pictures and self._scene.capture.strip:
-            panels = [Panel.of(name, module) for name, module in self._modules.items()]
-            self._strip = Strip(self.folder, w, h, self._rgb, panels, self._scene.capture.fps)
+        for name, info in header.maps.items():
+            self._encoders[name] = Encoder(self.folder / schema.map_file(name), w, h * info.channels, "gray16")
+        if header.strip and header.pictures:
+            self._strip = Strip(self.folder, header)
 
     def track(self, particles: Array) -> None:
         """Name the particles, (M,) indices, whose tracks `add` will get."""
@@ -120,18 +98,16 @@ class Writer:
         rgb: Array | None,
         alpha: Array | None,
         maps: Mapping[str, Array],
-        tracks: Tracks | None,
+        tracks: Tracks | None = None,
     ) -> None:
         """Append frame `index`: rgb uint8 [H, W, 3], alpha [H, W], maps [H, W, C], tracks xy [M, 2] and visible [M].
 
         Raises ValueError when a map is not finite, OSError naming output.folder when the disk is full.
         """
-        assert index == self.frames, f"frame {index} came after {self.frames} frames"
-        assert set(maps) == set(self._modules), f"maps {sorted(maps)} came instead of {sorted(self._modules)}"
-        assert (rgb is not None, alpha is not None) == (self._rgb, self._pictures)
-        assert rgb is None or (rgb.shape == (self._height, self._width, 3) and rgb.dtype == np.uint8)
-        planes = {name: self._planes(name, maps[name]) for name in self._modules}
-        coded = {name: self._coded(name, planes[name]) for name in self._modules}
+        self._check(index, rgb, alpha, maps)
+        planes = {name: self._planes(name, maps[name]) for name in self._header.maps}
+        coded = {name: self._coded(name, planes[name]) for name in self._header.maps}
+        ranges = {name: span for name, (_, span) in coded.items()}
         try:
             if rgb is not None:
                 self._encoders["rgb"].write(rgb)
@@ -139,23 +115,33 @@ class Writer:
                 self._encoders["alpha"].write(np.rint(np.clip(alpha, 0, 1) * LEVELS).astype(np.uint16))
             for name, (codes, _) in coded.items():
                 self._encoders[name].write(codes)
-            if self._strip is not None and alpha is not None:
+            if self._strip is not None:
                 self._strip.add(rgb, alpha, planes)
             # Last, so that a frame counts only when all of it has been handed over.
             assert self._journal is not None
-            self._journal.write(json.dumps({name: ranges for name, (_, ranges) in coded.items()}) + "\n")
+            self._journal.write(json.dumps(ranges) + "\n")
             self._journal.flush()
         except OSError as error:
             raise self._explained(error) from error
-        for name, (_, ranges) in coded.items():
-            self._ranges[name].append(ranges)
+        for name, span in ranges.items():
+            self._ranges[name].append(span)
         if tracks is not None:
             self._tracks.append((np.array(tracks[0], np.float32), np.array(tracks[1], bool)))
         self.frames += 1
 
+    def _check(self, index: int, rgb: Array | None, alpha: Array | None, maps: Mapping[str, Array]) -> None:
+        """Assert that a frame has what the header announced."""
+        header, size = self._header, (self._header.height, self._header.width)
+        assert index == self.frames, f"frame {index} came after {self.frames} frames"
+        assert set(maps) == set(header.maps), f"maps {sorted(maps)} came instead of {sorted(header.maps)}"
+        assert (rgb is not None, alpha is not None) == (header.rgb, header.alpha)
+        assert rgb is None or (rgb.shape == (*size, 3) and rgb.dtype == np.uint8)
+        assert alpha is None or alpha.shape == size
+        for name, info in header.maps.items():
+            assert maps[name].shape == (*size, info.channels), (name, maps[name].shape)
+
     def _planes(self, name: str, values: Array) -> Array:
         """The channels of a map one after the other in memory, [C, H, W] float32."""
-        assert values.shape == (self._height, self._width, self._modules[name].CHANNELS), (name, values.shape)
         planes = np.ascontiguousarray(np.moveaxis(values, -1, 0), np.float32)
         self._largest[name] = max(self._largest[name], float(np.sqrt((planes**2).sum(axis=0).max())))
         return planes
@@ -170,28 +156,33 @@ class Writer:
 
     def finish(
         self,
-        report: Mapping[str, Any],
-        history: Mapping[str, Sequence[float]],
-        seconds: Mapping[str, float],
-        complete: bool,
+        report: Mapping[str, Any] | None = None,
+        history: Mapping[str, Sequence[float]] | None = None,
+        seconds: Mapping[str, float] | None = None,
         reason: str = "",
     ) -> Path:
-        """Close the sample, name it `<id>`, or `<id>.incomplete` for a `reason`, and return where it is.
+        """Close the sample and return where it lies: `<id>`, or `<id>.incomplete` if there is a `reason` for that.
 
-        Raises OSError naming output.folder when the disk is full.
+        `report` and `seconds` go to meta.json, `history` to history.npz and report.png. Raises OSError naming
+        output.folder when the disk is full.
         """
-        assert not complete or self.frames == self._scene.capture.frames, f"only {self.frames} frames were added"
+        missing = self._header.frames - self.frames
+        assert reason or not missing, f"{missing} frames are missing: add them, or give the reason"
         try:
             failure = self._close_encoders()
-            if failure and complete:  # else the reader finds out which frames are whole
+            if failure and not reason:  # else the reader finds out which frames are whole
                 raise failure
             self._save_tracks()
-            self._save_summaries(report, history)
-            self._seal(complete, "" if complete else reason or "it was stopped early", report, seconds)
+            self._save_summaries(report or {}, history or {})
+            self._seal(reason, report or {}, seconds or {})
         except OSError as error:
             raise self._explained(error) from error
         self._open = False
-        return publish(self.folder, self.id, self._scene.output.overwrite) if complete else shelve(self.folder, self.id)
+        if reason:
+            self.folder = keep_incomplete(self.folder, self.id)
+        else:
+            self.folder = publish(self.folder, self.id, self._output.overwrite)
+        return self.folder
 
     def _close_encoders(self) -> OSError | None:
         """Finish all videos and return the first failure; the reserve is given up for what follows."""
@@ -216,23 +207,24 @@ class Writer:
         if history:
             curves: dict[str, Any] = {name: np.asarray(curve) for name, curve in history.items()}
             np.savez_compressed(self.folder / schema.HISTORY, **curves)
-        if history and self._scene.capture.report:
+        if history and self._header.report:
             from fracsim.sample.curves import plot  # here, because matplotlib takes long to load
 
-            fracture = self._scene.fracture
-            crit = report.get("lambda_crit", fracture.crit)  # not that of the scene where fracture.length changed it
-            plot(history, report, self.folder / schema.REPORT, (fracture.onset, crit))
+            marks = self._header.thresholds
+            if marks:  # fracture.length rescales the second one for the cells of the run
+                marks = marks[0], report.get("lambda_crit", marks[1])
+            plot(history, report, self.folder / schema.REPORT, marks)
         if self._strip is not None and self.frames:
             self._strip.encode(self.folder / schema.STRIP)
 
-    def _seal(self, complete: bool, reason: str, report: Mapping[str, Any], seconds: Mapping[str, float]) -> None:
+    def _seal(self, reason: str, report: Mapping[str, Any], seconds: Mapping[str, float]) -> None:
         """Write the last meta.json; nothing in the folder changes after it."""
         self._close_scratch()
-        for name, about in self._meta["maps"].items():
-            about["largest"] = self._largest[name]
-            about["scale"] = self._modules[name].SCALE or self._largest[name] or 1.0  # never 0, one divides by it
+        for name, entry in self._meta["maps"].items():
+            entry["largest"] = self._largest[name]
+            entry["scale"] = self._header.maps[name].scale or self._largest[name] or 1.0  # a divisor: never 0
         self._meta |= {
-            "complete": complete, "reason": reason, "frames": self.frames, "report": report, "seconds": seconds,
+            "complete": not reason, "reason": reason, "frames": self.frames, "report": report, "seconds": seconds,
             "files": schema.inventory(self.folder), "ranges": self._ranges,
         }  # fmt: skip
         schema.write_meta(self.folder, self._meta)
@@ -256,16 +248,17 @@ class Writer:
             with suppress(OSError):
                 self._save_tracks()
             with suppress(OSError):
-                self._seal(False, reason, {}, {})
-            shelve(self.folder, self.id)
+                self._seal(reason, {}, {})
+            self.folder = keep_incomplete(self.folder, self.id)
         else:
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _explained(self, error: OSError) -> OSError:
+        """The error with the field, the space there is and the way out."""
         free = shutil.disk_usage(self.folder.parent).free / 1e6
         kept = f" What was written is kept as {self.id}.incomplete." if self.frames else ""
         return OSError(
-            f"output.folder={self._scene.output.folder}: writing failed after {self.frames} frames ({error}); "
+            f"output.folder={self._output.folder}: writing failed after {self.frames} frames ({error}); "
             f"{free:.0f} MB are free there. Free some space or set output.folder to another disk, then run again.{kept}"
         )
 
@@ -279,5 +272,17 @@ class Writer:
             self._give_up(error)
 
 
-def _about(module: ModuleType) -> dict[str, Any]:
-    return {"label": module.LABEL, "unit": module.UNIT, "channels": module.CHANNELS}
+def _first_meta(header: Header) -> dict[str, Any]:
+    """meta.json of a sample without frames."""
+    meta = {
+        "schema": schema.VERSION, "producer": header.producer, "id": header.id, "complete": False,
+        "reason": "it is still being written, or its process was killed",
+        "frames": 0, "fps": header.fps, "size": [header.width, header.height],
+        "rgb": header.rgb, "alpha": header.alpha, "maps": {name: asdict(info) for name, info in header.maps.items()},
+        "document": header.document_file, "content": canonical(header.content),
+        "provenance": provenance(header.producer, header.version, header.packages),
+        "report": {}, "seconds": {}, "files": {}, "ranges": {},
+    }  # fmt: skip
+    clash = sorted(set(meta) & set(header.about))
+    assert not clash, f"about={clash} are entries of the writer's own"
+    return {**meta, **header.about}

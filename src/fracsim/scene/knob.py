@@ -40,6 +40,8 @@ class Knob:
     open: str = ""
     choices: tuple[str, ...] = ()
     package: str = ""
+    pinned: Any = None
+    """The default when the field entered, where the default has changed since; it keeps the ids of samples."""
 
     def allowed(self) -> str:
         """The admissible values, for people; "" when the type says it all."""
@@ -91,7 +93,7 @@ class Knob:
 def knob(default: Any, doc: str, unit: str = "", **limits: Any) -> Any:
     """A dataclass field with documentation, unit and admissible values.
 
-    `limits`: `least`, `most`, `open`, `choices`, `package`, as in `Knob`.
+    `limits`: `least`, `most`, `open`, `choices`, `package`, `pinned`, as in `Knob`.
     """
     metadata = {"knob": Knob(doc, unit, **limits)}
     if isinstance(default, (list, dict)):

@@ -20,7 +20,7 @@ def film() -> list[tuple[fracsim.Run, Frame]]:
 
 def test_the_six_lines_of_the_readme() -> None:
     """As they stand there, on a scene of two frames."""
-    text = (Path(__file__).parents[1] / "README.md").read_text()
+    text = (Path(__file__).parents[2] / "README.md").read_text()
     code = text.partition("## From Python")[2].partition("```python\n")[2].partition("```")[0]
     code = code.replace('"quality=preview"', ", ".join(map(repr, (*SMALL, "capture.frames=2"))))
     assert code.count("capture.frames=2") == 1

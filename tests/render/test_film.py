@@ -1,39 +1,13 @@
-"""The camera sees the whole pull, and all pictures of a frame cover the same pixels."""
+"""All pictures of a frame cover the same pixels, and tracks follow particles."""
 
 import numpy as np
-import pytest
 
-from fracsim import Camera, Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim import Camera, Capture, Fracture, Loading, Material, Solver
 from fracsim.camera import project
 from fracsim.records import Frame, Particles
-from fracsim.render.film import Film, view_of
-from fracsim.scene.vocab import CENTRE
+from fracsim.render.film import Film
 from fracsim.solve.simulator import Simulator
-
-from .sim.bars import bar, scene
-
-
-@pytest.mark.parametrize("axis", range(0, 180, 15))
-def test_default_view_holds_the_whole_motion_of_the_grips(axis: int) -> None:
-    s = Scene(loading=Loading(axis_deg=axis, speed=1.4, offset=0.25))
-    view = view_of(s)
-    way = s.loading.offset + s.loading.thickness / 2 + s.loading.speed * s.capture.duration
-    ends = np.asarray(CENTRE) + np.array([[way], [-way]]) * np.asarray(s.loading.axis)
-    xy, depth = project(view, ends)
-    assert (xy >= 0).all()
-    assert (xy <= [view.width, view.height]).all()
-    assert (depth > 0).all()
-
-
-def test_explicit_camera_is_taken_as_it_is() -> None:
-    matrix = np.eye(4)
-    matrix[2, 3] = 3.0
-    camera = Camera(width=64, height=32, matrix=matrix.ravel().tolist(), intrinsics=[50.0, 60.0, 32.0, 16.0])
-    view = view_of(Scene(camera=camera))
-    assert (view.fx, view.fy, view.cx, view.cy, view.width, view.height) == (50, 60, 32, 16, 64, 32)
-    xy, depth = project(view, np.array([[1.0, 0.5, 1.0]]))
-    assert depth == pytest.approx([4.0])
-    assert xy[0] == pytest.approx([32 + 50 / 4, 16 + 60 * 0.5 / 4])
+from tests.sim.bars import bar, scene
 
 
 def torn() -> tuple[Film, Particles, Frame]:

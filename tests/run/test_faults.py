@@ -133,8 +133,8 @@ def test_bad_meshes_name_the_file(tmp_path: Path, complain: Any) -> None:
     first = next(i for i, row in enumerate(rows) if row.startswith("v "))
     files["nan.obj"].write_text("".join([*rows[:first], "v nan 0 0\n", *rows[first + 1 :]]))
     files["text.glb"].write_text("hello")
-    told = {"empty.obj": "no triangles", "nan.obj": "not finite", "text.glb": "cannot be read as a mesh"}
-    for name, word in told.items():
+    complaints = {"empty.obj": "no triangles", "nan.obj": "not finite", "text.glb": "cannot be read as a mesh"}
+    for name, word in complaints.items():
         words(complain("asset=mesh", f"asset.path={files[name]}"), f"asset.path={files[name]}", word)
     huge = complain("asset=mesh", f"asset.path={files['ball.obj']}", "asset.max_particles=100")
     words(huge, "asset.max_particles=100", "particles", "lower solver.cells or asset.size")
@@ -201,9 +201,10 @@ def test_a_scene_that_blows_up_keeps_what_was_filmed(tmp_path: Path) -> None:
 
 
 def test_crushed_particles_stop_the_run(tmp_path: Path) -> None:
-    scene = compose(*SMALL, *BLOW_UP, "solver.max_speed=1e5", f"output.folder={tmp_path}")
+    outcome = pipeline.run(compose(*SMALL, *BLOW_UP, "solver.max_speed=1e5", f"output.folder={tmp_path}"))
+    assert outcome.status == "failed"
     with pytest.raises(RuntimeError, match=r"frame \d+.*particle \d+ \(field F, J = .*below 0\.05.*solver\.dt=auto"):
-        pipeline.run(scene)
+        outcome.sample()
     check_incomplete(samples(tmp_path)[0], reason=r"below 0\.05")
 
 
@@ -255,9 +256,8 @@ def test_a_killed_run_is_never_taken_for_a_sample(tmp_path: Path) -> None:
     assert (meta["complete"], "killed" in meta["reason"]) == (False, True)
     assert sample.read(left, allow_incomplete=True).frames >= 2
     scene = compose(*SMALL, "capture.frames=3000", "capture.fps=3000", f"output.folder={tmp_path}")
-    assert sample.find(scene) is None
-    shorter = compose(*SMALL, f"output.folder={tmp_path}")
-    assert sample.read(pipeline.run(shorter)).complete
+    assert sample.find(scene.output, sample.scene_id(scene)) is None
+    assert pipeline.run(compose(*SMALL, f"output.folder={tmp_path}")).sample().complete
 
 
 def test_a_second_attempt_takes_the_place_of_an_interrupted_one(
@@ -267,34 +267,34 @@ def test_a_second_attempt_takes_the_place_of_an_interrupted_one(
     scene = compose(*SMALL, f"output.folder={tmp_path}")
     shoot = pipeline.Film.shoot
 
-    def tired(film: pipeline.Film, frame: Any, particles: Any) -> Any:
+    def interrupting(film: pipeline.Film, frame: Any, particles: Any) -> Any:
         if frame.index == 1:
             raise KeyboardInterrupt
         return shoot(film, frame, particles)
 
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline.Film, "shoot", tired)
-        with pytest.raises(KeyboardInterrupt):
-            pipeline.run(scene)
+        patch.setattr(pipeline.Film, "shoot", interrupting)
+        outcome = pipeline.run(scene)
+    assert (outcome.status, outcome.path, outcome.frames) == ("interrupted", samples(tmp_path)[0], 1)
     assert check_incomplete(samples(tmp_path)[0], reason="interrupted by the user") == 1
-    path = pipeline.run(scene)
-    assert samples(tmp_path) == [path]
-    assert sample.read(path).complete
+    outcome = pipeline.run(scene)
+    assert samples(tmp_path) == [outcome.path]
+    assert outcome.sample().complete
 
 
 def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def tired(*_: Any) -> None:
+    def interrupting(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline.Film, "shoot", tired)
-    with pytest.raises(KeyboardInterrupt):
-        pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
+    monkeypatch.setattr(pipeline.Film, "shoot", interrupting)
+    outcome = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
+    assert (outcome.status, outcome.path, outcome.report) == ("interrupted", None, {})
     assert not list(tmp_path.iterdir())
 
 
 def test_errors_that_hydra_words_in_several_lines_are_one() -> None:
-    told = SIMULATE.explain(ValueError("first\n  second"), ["a=1"])
-    assert told == "a=1 cannot be used: first second. See python -m fracsim --help."
+    message = SIMULATE.explain(ValueError("first\n  second"), ["a=1"])
+    assert message == "a=1 cannot be used: first second. See python -m fracsim --help."
 
 
 def test_a_particle_as_fast_as_the_waves_of_a_stiff_solid_is_no_sign_of_a_long_substep() -> None:
@@ -302,9 +302,9 @@ def test_a_particle_as_fast_as_the_waves_of_a_stiff_solid_is_no_sign_of_a_long_s
     scene = Scene(material=Material(E=1e9, density=100))
     body = bar(scene.solver, (0.6, 0.02, 0.02))
     report = Report(scene, body, np.zeros(len(body), np.int32), [])
-    told = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([600.0, 0, 0]))
-    assert "v = 600 m/s exceeds solver.max_speed=500" in told
-    assert told.endswith("waves run at 3.16e+03 m/s: raise solver.max_speed.")
-    told = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([np.nan, 0, 0]))
-    assert "v is not finite" in told
-    assert "use solver.dt=auto" in told
+    message = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([600.0, 0, 0]))
+    assert "v = 600 m/s exceeds solver.max_speed=500" in message
+    assert message.endswith("waves run at 3.16e+03 m/s: raise solver.max_speed.")
+    message = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([np.nan, 0, 0]))
+    assert "v is not finite" in message
+    assert "use solver.dt=auto" in message

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from fracsim import sample
-
-from .command import SMALL, fracsim_command, samples
+from tests.command import SMALL, fracsim_command, samples
 
 ARCHS = ("metal",) if sys.platform == "darwin" else ("cuda", "vulkan")
 
