@@ -180,4 +180,4 @@ def test_draws_of_a_multirun_are_samples_that_their_scene_makes_again(tmp_path: 
         compose(f"draw={i}", *SMALL, f"output.folder={tmp_path}") for i in range(3)
     ]
     scene = load_scene(made[2] / "scene.yaml")
-    assert sample.find(scene) == made[2]
+    assert sample.find(scene.output, sample.scene_id(scene)) == made[2]

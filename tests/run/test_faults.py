@@ -17,12 +17,12 @@ import trimesh
 
 from fracsim import Material, Scene, __main__, compose, sample
 from fracsim.asset import ply
-from fracsim.lab.stage import bar
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
 from fracsim.run import pipeline
 from fracsim.scene.program import SIMULATE
-from fracsim.solve.report import Report
+from fracsim.solve import messages
+from fracsim.solve.setup import medium
 from tests.command import SMALL, fracsim_command, samples, start
 
 BLOW_UP = ("solver.dt=0.01", "solver.dt_override=true", "material=rubber")
@@ -299,12 +299,10 @@ def test_errors_that_hydra_words_in_several_lines_are_one() -> None:
 
 def test_a_particle_as_fast_as_the_waves_of_a_stiff_solid_is_no_sign_of_a_long_substep() -> None:
     """E = 1e9 Pa, density 100: waves at 3.2 km/s; what recoils at 600 m/s is within the law."""
-    scene = Scene(material=Material(E=1e9, density=100))
-    body = bar(scene.solver, (0.6, 0.02, 0.02))
-    report = Report(scene, body, np.zeros(len(body), np.int32), [])
-    message = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([600.0, 0, 0]))
+    stiff = medium(Scene(material=Material(E=1e9, density=100)))
+    message = messages.fault(stiff, slot.SPEED_FAULT, "particle 3", np.zeros(3), np.array([600.0, 0, 0]))
     assert "v = 600 m/s exceeds solver.max_speed=500" in message
     assert message.endswith("waves run at 3.16e+03 m/s: raise solver.max_speed.")
-    message = report.fault(slot.SPEED_FAULT, 3, 7, 90, np.zeros(3), np.array([np.nan, 0, 0]))
+    message = messages.fault(stiff, slot.SPEED_FAULT, "particle 3", np.zeros(3), np.array([np.nan, 0, 0]))
     assert "v is not finite" in message
     assert "use solver.dt=auto" in message

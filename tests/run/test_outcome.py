@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from fracsim import Scene, compose
+from fracsim import Material, Output, Scene, compose
 from fracsim.run import pipeline
 from fracsim.run.outcome import Outcome, health
 from fracsim.run.watcher import Watcher
@@ -87,7 +87,6 @@ def test_an_object_that_holds_never_breaks(tmp_path: Path) -> None:
     ("overrides", "reason"),
     [
         ("loading.offset=0.5", "loading.offset=0.5: the"),
-        ("material.law=jelly", "material.law=jelly is not known"),
         ("asset=mesh asset.path=gone.glb", "asset.path=gone.glb cannot be read"),
         ("solver.dt=0.05", "solver.dt=0.05"),
     ],
@@ -100,6 +99,7 @@ def test_a_scene_that_cannot_run_fails_with_its_message(
     assert outcome.reason.startswith(reason)
     with pytest.raises(RuntimeError, match="="):
         outcome.sample()
+
     assert capfd.readouterr() == ("", "")
     assert not list(tmp_path.rglob("meta.json"))
 
@@ -133,3 +133,10 @@ def test_a_programming_error_is_raised(tmp_path: Path, monkeypatch: pytest.Monke
 def test_an_outcome_without_a_sample_raises_its_reason() -> None:
     with pytest.raises(RuntimeError, match="interrupted by the user"):
         Outcome("interrupted", Path("x"), "interrupted by the user").sample()
+
+
+def test_a_scene_of_dataclasses_with_an_unknown_law_fails_with_its_message(tmp_path: Path) -> None:
+    """`compose` has refused it before; a scene made in Python has not met `compose`."""
+    outcome = pipeline.run(Scene(material=Material(law="jelly"), output=Output(folder=str(tmp_path))))
+    assert (outcome.status, outcome.frames) == ("failed", 0)
+    assert outcome.reason.startswith("material.law=jelly is not known")
