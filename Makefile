@@ -55,7 +55,7 @@ stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and che
 	$(RUN) fracsim.fuzz
 	$(RUN) fracsim.fuzz --blowup
 
-figures: $(VENV)/run.stamp  ## make the pictures of README anew
+figures: $(VENV)/run.stamp  ## make the pictures of README again
 	$(RUN) fracsim.lab.gallery
 
 clean:  ## remove .venv and caches, not samples

@@ -34,7 +34,7 @@ def panels(path: Path) -> list[Array]:
 
 
 def animate(rows: list[list[Array]], path: Path, width: int = 1000, step: int = 2) -> None:
-    """An animation of strips one above the other."""
+    """Save an animation of strips, uint8 (H, W, 3) each, one above the other."""
     frames = []
     for pictures in list(zip(*rows, strict=True))[::step]:
         image = Image.fromarray(np.concatenate(pictures, axis=0))

@@ -32,7 +32,7 @@ def lattice(size: tuple[float, float, float], spacing: float, centre: tuple[floa
 
 
 def particles(X: Array, spacing: float, depth: float | None = None) -> Particles:
-    """Particles of equal volume and grey colour; `depth` [m] is what one stands for along z in a plane problem."""
+    """Grey particles of equal volume at X [m], (N, 3); in a plane problem each stands for `depth` [m] along z."""
     n, volume = len(X), spacing**3 if depth is None else spacing**2 * depth
     covariance = np.tile(0.36 * spacing**2 * np.array([1, 0, 0, 1, 0, 1], np.float32), (n, 1))
     return Particles(
@@ -47,7 +47,7 @@ def particles(X: Array, spacing: float, depth: float | None = None) -> Particles
 
 
 def ordered(X: Array, h: float) -> Array:
-    """Points [m] sorted as particles lie best in memory."""
+    """Points X [m], (N, 3), in the order of memory."""
     return X[order((X - np.asarray(CENTRE)) / h)]
 
 
@@ -166,12 +166,12 @@ class Ghosts:
 
 
 def momentum(state: State) -> Array:
-    """Total linear momentum [kg m/s]."""
+    """Total linear momentum [kg m/s], (3,)."""
     return np.asarray((masses(state)[:, None] * state.points.V.to_numpy()).sum(axis=0))
 
 
 def angular_momentum(state: State) -> Array:
-    """Total angular momentum about the object's centre, the spin of the affine motion included [kg m^2/s].
+    """Total angular momentum about the object's centre, the spin of the affine motion included [kg m^2/s], (3,).
 
     Over the nodes of a quadratic B-spline sum w (x_i - x_p)(x_i - x_p)^T = h^2 / 4 I in the grid's configuration, in
     which C is the gradient.

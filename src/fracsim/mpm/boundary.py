@@ -67,7 +67,7 @@ class Boundary(Protocol):
         """How it holds the nodes of a layout, at rest at x [m], (M, 3) (`total`)."""
 
     def fill(self, params: Array) -> None:
-        """Set the slots of the grips in the kernels' parameters."""
+        """Set the slots of the grips in the kernels' parameters, (PARAMETERS,)."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,11 @@ class Free:
         return np.zeros(len(x), bool)
 
     def holding(self, layout: Layout, x: Array) -> Holding:
-        """No node."""
+        """No node of x, (M, 3)."""
         return Holding.by(np.zeros(len(x)))
 
     def fill(self, params: Array) -> None:
-        """Kernels of a free body read none of the slots."""
+        """Kernels of a free body read none of the slots of `params`, (PARAMETERS,)."""
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,10 @@ class Clamp(Free):
         return -np.asarray(x[:, 0] <= 1e-6 - self.wall).astype(np.int32)
 
     def holding(self, layout: Layout, x: Array) -> Holding:
-        """Nodes on the wall and behind it."""
+        """Nodes at x [m], (M, 3), on the wall and behind it."""
         return Holding.by(self.side(x))
 
     def fill(self, params: Array) -> None:
-        """Two slabs, FAR thick, from the wall outwards."""
+        """Set in `params`, (PARAMETERS,), two slabs, FAR thick, from the wall outwards."""
         params[SPEED], params[UX : UZ + 1] = 0.0, self.axis
         params[HALF], params[REACH] = FAR + 1e-6, self.wall + FAR

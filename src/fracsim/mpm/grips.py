@@ -79,7 +79,10 @@ class Grips:
         return low, high
 
     def fill(self, params: Array) -> None:
-        """Set the slots of the grips; without edges, nodes up to HALF from a middle plane move: right on average."""
+        """Set the slots of the grips in `params`, (PARAMETERS,).
+
+        Without edges (`updated`), nodes up to HALF from a middle plane move: right on average.
+        """
         params[SPEED], params[UX : UZ + 1] = self.speed, self.axis
         params[REACH], params[HALF] = self.offset, self.thickness / 2 + (self.end.soft + self.end.pitch / 2) * self.h
 

@@ -22,7 +22,7 @@ def cells(y: Array) -> Array:
 
 
 def order(y: Array) -> Array:
-    """Permutation that sorts particles at y [cells] by block, then by cell, x slowest."""
+    """Permutation, (N,), that sorts particles at y [cells], (N, 3), by block, then by cell, x slowest."""
     cell = cells(y)
     cell -= cell.min(axis=0)
     block, inner = cell // BLOCK, cell % BLOCK

@@ -123,13 +123,13 @@ class State:
         a grid that is too large.
         """
         margin = 0 if self.total else MARGIN
-        fresh = layout(x / self.medium.h, self.drive.threads, margin, self._cell_starts)
-        self.params[slot.LX : slot.LZ + 1] = fresh.lowest
+        box = layout(x / self.medium.h, self.drive.threads, margin, self._cell_starts)
+        self.params[slot.LX : slot.LZ + 1] = box.lowest
         if self.total:
-            holding = self.boundary.holding(fresh, fresh.positions(plane_offset) * self.medium.h)
+            holding = self.boundary.holding(box, box.positions(plane_offset) * self.medium.h)
         else:  # asks in each substep, for the present positions
             holding = Holding.by(np.zeros(1))
-        self.grid.place(fresh, holding)
+        self.grid.place(box, holding)
         self.points.anchor.copy_from(self.points.U)
         self.first_substep = True
 

@@ -18,7 +18,11 @@ def joins(piece: Array, side: Array) -> bool:
 
 
 def judge(bonds: Bonds, side: Array, x: Array, F: Array, failed: Array) -> str:
-    """`whole`, `broken` (by damage) or `torn` (numerically), by bonds that are intact and not longer than F says."""
+    """`whole`, `broken` (by damage) or `torn` (numerically), by bonds that are intact and not longer than F says.
+
+    x [m], (N, 3), and F, (N, 3, 3), are those of the frame; `side`, (N,), is the grip that holds a particle; `failed`,
+    (N,) bool.
+    """
     intact = bonds.intact(failed)
     torn = bonds.torn(intact, x, F)
     if not failed.any() and not torn.any():

@@ -89,9 +89,9 @@ class Simulator:
         report = self.report
         if self.march.dt > done.bound and not any("at the present stretch" in w for w in report.warnings):
             report.warnings.append(messages.fixed_dt(self.march.dt, done.bound, len(report.history.t)))
-        told = messages.of_state(self.state, k, report.substeps - done.n)
-        if told:
-            raise SimulationError(told)
+        message = messages.of_state(self.state, k, report.substeps - done.n)
+        if message:
+            raise SimulationError(message)
         clamped = self.state.sums()[slot.CLAMPED] - report.clamped
         report.clamped += int(clamped)
         when = f"frame {k}, substep {report.substeps}"
