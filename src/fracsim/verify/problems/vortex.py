@@ -117,7 +117,7 @@ def error(setting: Setting, law: str, cells: int) -> float:
             nodes[still] = 0
             state.grid.velocity.from_numpy(nodes)
         for name in ("U", "V", "C", "F"):
-            values = getattr(state, name).to_numpy()
+            values = getattr(state.points, name).to_numpy()
             values[outside] = np.eye(3) if name == "F" else 0
             put(state, **{name: values})
 
