@@ -38,8 +38,9 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def said(command: str, checkout: Path) -> str:
     """What a command of the page prints; it must succeed."""
     python = f'"{sys.executable}"'
-    done = subprocess.run(re.sub("^python", lambda _: python, command), shell=True, cwd=checkout, capture_output=True,
-                          text=True, env={**os.environ, "PYTHONPATH": "src", "COLUMNS": "100"}, timeout=300)  # fmt: skip
+    environment = {**os.environ, "PYTHONPATH": "src", "COLUMNS": "100"}
+    done = subprocess.run(re.sub("^python", lambda _: python, command), shell=True, cwd=checkout, env=environment,
+                          capture_output=True, text=True, timeout=300)  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
