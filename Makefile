@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-gpu check format bench verify stress studies figures clean
+.PHONY: help setup demo test test-gpu check format golden bench verify stress studies figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -22,6 +22,8 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 $(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/run.stamp
+
+setup: $(VENV)/dev.stamp  ## make .venv with everything that development needs
 
 demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, say where the film lies
 	$(RUN) fracsim capture.frames=40
@@ -41,6 +43,9 @@ check: $(VENV)/dev.stamp  ## format, lint, types, import layers
 format: $(VENV)/dev.stamp  ## format the code and sort imports
 	$(RUN) ruff format .
 	$(RUN) ruff check --fix .
+
+golden: $(VENV)/run.stamp  ## compare what small scenes compute with tests/reference/golden.json, bit for bit
+	$(RUN) fracsim.lab.golden
 
 bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes docs/benchmarks/*.csv
 	$(RUN) fracsim.bench

@@ -1,9 +1,12 @@
 """Physics maps, each against its defining equation."""
 
+from types import ModuleType, SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
-from fracsim import registry
+from fracsim import maps, registry
 from fracsim.maps import damage, flow, strain, stress
 from fracsim.records import Array, Frame
 
@@ -106,3 +109,17 @@ def test_flow_is_right_and_up_in_the_picture() -> None:
     # From the right, azimuth 90 degrees: the picture's right is -z, x comes towards the eye.
     side = np.array([[0, 0, -1.0], [0, -1, 0], [-1, 0, 0]])
     assert (flow.quantity(frame(eye, v=v), side) == [[0, 0], [0, 1], [-1, 0]]).all()
+
+
+def test_a_map_that_is_not_one_is_named() -> None:
+    """A module without CHANNELS, and a quantity of shape (N,), would fail later in words of NumPy."""
+    half = SimpleNamespace(UNIT="1", LABEL="heat", SCALE=None, quantity=lambda frame, axes: frame.d)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fracsim.registry.load", lambda *_: half)
+        with pytest.raises(ValueError, match=r"capture\.maps=heat: fracsim/maps/heat\.py lacks CHANNELS"):
+            maps.load("heat")
+    half.CHANNELS = 1
+    still = frame(np.tile(np.eye(3), (3, 1, 1)), d=np.zeros(3))
+    module = cast(ModuleType, half)
+    with pytest.raises(ValueError, match=r"capture\.maps=heat: .* returns shape \(3,\), expected \(3, 1\)"):
+        maps.values("heat", module, still, FRONT)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fracsim import Scene, registry, sample
+from fracsim import Capture, Scene, sample
 from fracsim.sample.video import decode
 
 from .recording import FRAMES, HEIGHT, HISTORY, TRACKS, WIDTH, Clip, add, open_writer, tiny
@@ -46,10 +46,10 @@ def test_alpha_is_kept_to_16_bits(full: tuple[Scene, Path], clip: Clip) -> None:
     np.testing.assert_allclose(alpha, clip.alpha, atol=0.51 / 65535)
 
 
-@pytest.mark.parametrize("name", registry.names("fracsim.maps"))
+@pytest.mark.parametrize("name", Capture().maps)
 def test_maps_come_back_in_physical_units(full: tuple[Scene, Path], clip: Clip, name: str) -> None:
     read = sample.read(full[1])
-    assert set(read.maps) == set(registry.names("fracsim.maps"))
+    assert set(read.maps) == set(Capture().maps)
     values, raw = read.maps[name], clip.maps[name]
     assert values.shape == raw.shape
     assert values.dtype == np.float32

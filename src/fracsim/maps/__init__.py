@@ -3,3 +3,37 @@
 A map module has CHANNELS; UNIT and LABEL, for people; SCALE, the value shown as 1, or None for the largest of the
 clip. `fracsim.codec` turns recorded maps into video in [0, 1] and back.
 """
+
+from types import ModuleType
+
+from fracsim import registry
+from fracsim.records import Array, Frame
+
+NEEDED = ("CHANNELS", "UNIT", "LABEL", "SCALE", "quantity")
+"""What a map module must have."""
+
+
+def load(name: str) -> ModuleType:
+    """The module of a map; raises ValueError for an unknown map, or one that lacks a name of NEEDED."""
+    module = registry.load("fracsim.maps", name, "capture.maps")
+    lacking = [wanted for wanted in NEEDED if not hasattr(module, wanted)]
+    if lacking:
+        raise ValueError(
+            f"capture.maps={name}: fracsim/maps/{name}.py lacks {', '.join(lacking)}; define it, as flow.py does."
+        )
+    return module
+
+
+def values(name: str, module: ModuleType, frame: Frame, camera_axes: Array) -> Array:
+    """The quantity of a map, (N, CHANNELS); `camera_axes`, (3, 3), has right, down and ahead as rows.
+
+    Raises ValueError naming the map when it returns another shape.
+    """
+    out: Array = module.quantity(frame, camera_axes)
+    wanted = (len(frame.x), module.CHANNELS)
+    if out.shape != wanted:
+        raise ValueError(
+            f"capture.maps={name}: quantity() in fracsim/maps/{name}.py returns shape {out.shape}, expected {wanted} "
+            "(particles, CHANNELS): return one column a channel, as d[:, None]."
+        )
+    return out

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fracsim import registry
+from fracsim import maps
 from fracsim.asset.harmonics import turned
 from fracsim.camera import project, view_of
 from fracsim.records import Array, Frame, Particles
@@ -44,7 +44,7 @@ class Film:
     def __init__(self, scene: Scene) -> None:
         self.view = view_of(scene)
         self.scene = scene
-        self.maps = {name: registry.load("fracsim.maps", name, "capture.maps") for name in scene.capture.maps}
+        self.maps = {name: maps.load(name) for name in scene.capture.maps}
         self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
         self.splatter = Splatter(self.view, self.channels) if self.channels else None
 
@@ -65,15 +65,15 @@ class Film:
         if not self.channels:
             return Picture(None, None, {}, None)
         parts = [self.colours(frame, particles)] if self.scene.capture.rgb else []
-        parts += [m.quantity(frame, self.view.rotation) for m in self.maps.values()]
+        parts += [maps.values(name, m, frame, self.view.rotation) for name, m in self.maps.items()]
         image, alpha, median = self.splat(frame, particles, np.concatenate(parts, axis=1, dtype=np.float32))
-        rgb, maps, at = None, {}, 0
+        rgb, pictures, at = None, {}, 0
         if self.scene.capture.rgb:
             rgb, at = on_white(image, alpha), 3
         for name, m in self.maps.items():
-            maps[name] = image[..., at : at + m.CHANNELS]
+            pictures[name] = image[..., at : at + m.CHANNELS]
             at += m.CHANNELS
-        return Picture(rgb, alpha, maps, median)
+        return Picture(rgb, alpha, pictures, median)
 
     def choose_tracks(self, frame: Frame, particles: Particles, picture: Picture) -> Array:
         """Indices of at most capture.tracks surface particles seen in `frame`, spread at random by the scene's seed."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from fracsim import registry
 from fracsim.camera import view_of
+from fracsim.maps import load as load_map
 from fracsim.sample.identity import FRACSIM, sample_id, scene_content
 from fracsim.sample.provenance import PACKAGES
 from fracsim.sample.schema import SCENE
@@ -116,5 +116,5 @@ def header_of(scene: Scene) -> Header:
 
 def map_infos(names: Sequence[str]) -> dict[str, MapInfo]:
     """Label, unit, channels and scale of maps of fracsim.maps by name; raises ValueError for an unknown one."""
-    modules = {name: registry.load("fracsim.maps", name, "capture.maps") for name in names}
+    modules = {name: load_map(name) for name in names}
     return {name: MapInfo(m.LABEL, m.UNIT, m.CHANNELS, m.SCALE) for name, m in modules.items()}

@@ -11,7 +11,7 @@ from fracsim.scene.knob import describe
 from fracsim.scene.program import compose
 from fracsim.scene.vocab import Scene
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 ROWS = re.findall(r"^\|[^|]*\|[^|]*\| `([\w.]+):(\w+)` \| `([\w/.]+)(?:::(\w+))?` \|$",
                   (ROOT / "docs/equations.md").read_text(), re.MULTILINE)  # fmt: skip
 
