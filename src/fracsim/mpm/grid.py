@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from fracsim.arrays import Arrays, power_of_2
 from fracsim.mpm.boundary import Holding
 from fracsim.mpm.layout import Layout
 from fracsim.mpm.transfer import PAD
@@ -27,11 +28,10 @@ class NodeGrid:
     edge_weights: Any
 
     def __init__(self, real: Any, dtype: Any, threads: int) -> None:
-        self._real, self._dtype = real, dtype
+        self._real, self._dtype, self._arrays = real, dtype, Arrays(self)
         self.velocity: Any = None
         self.momentum: Any = None
-        self.pad = ti.Vector.ndarray(4, real, threads * PAD)
-        self.pad.from_numpy(np.zeros((threads * PAD, 4), dtype))
+        self.pad = self._arrays.zeros(real, threads * PAD, element=(4,))
 
     def place(self, layout: Layout, holding: Holding) -> None:
         """Take another layout, whose momenta are zero and whose velocities are not set.
@@ -43,21 +43,21 @@ class NodeGrid:
         self.layout = layout
         self.velocity = self._at_least(self.velocity, layout.size)
         self.momentum = self._at_least(self.momentum, layout.copies)
-        self.index, self.source = _indices(layout.nodes), _indices(layout.source)
-        self.grip, self.edge = _indices(holding.grip), _indices(holding.edge)
-        self.edge_weights = ti.ndarray(self._real, holding.weights.shape)
-        self.edge_weights.from_numpy(holding.weights.astype(self._dtype))
-        self.shift, self.start = _indices(layout.shift), _indices(layout.start)
+        self._layout_arrays = Arrays(layout)
+        of = self._layout_arrays.of
+        self.index, self.source = of(layout.nodes, ti.i32), of(layout.source, ti.i32)
+        self.grip, self.edge = of(holding.grip, ti.i32), of(holding.edge, ti.i32)
+        self.edge_weights = of(holding.weights, self._real)
+        self.shift, self.start = of(layout.shift, ti.i32), of(layout.start, ti.i32)
 
     def _at_least(self, array: Any, size: int) -> Any:
         """A device array of at least `size` nodes: this one, or a new one twice as large.
 
-        Taichi keeps the memory of arrays that Python has dropped. What a substep leaves in an array is zero
-        (`momentum`) or written before it is read.
+        What a substep leaves in an array is zero (`momentum`) or written before it is read.
         """
         if array is not None and array.shape[0] >= size:
             return array
-        return ti.Vector.ndarray(4, self._real, max(size, 1 if array is None else min(2 * array.shape[0], MAX_NODES)))
+        return self._arrays.zeros(self._real, min(power_of_2(size), MAX_NODES), element=(4,))
 
     def inherit(self, old: Layout, velocity: Array, old_offset: Array, offset: Array, fragment: Array) -> None:
         """Give nodes the velocity that the node at their place had in the layout `old`.
@@ -83,10 +83,3 @@ class NodeGrid:
         """The arrays in the order of the kernel of substeps."""
         grid = (*self.layout.strides, 0.0, self.velocity, self.momentum, self.pad)
         return *grid, self.index, self.grip, self.edge, self.edge_weights, self.source, self.shift, self.start
-
-
-def _indices(values: Array) -> Any:
-    """Integers on the device."""
-    array = ti.ndarray(ti.i32, values.shape)
-    array.from_numpy(np.ascontiguousarray(values, np.int32))
-    return array

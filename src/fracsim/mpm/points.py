@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from fracsim.arrays import Arrays
 from fracsim.mpm.context import ParticleArrays
 from fracsim.mpm.dilatation import PAGE, PLACES
 from fracsim.mpm.layout import cell_counts
@@ -33,18 +34,14 @@ class Points:
 
     def __init__(self, X0: Array, volume: Array, tag: Array, real: Any, forced: bool) -> None:
         """`volume` [m^3] and `tag` are (N,); `forced`: whether body forces act, which `force` holds [m/s^2]."""
-        n, self._real, self._dtype = len(X0), real, X0.dtype
-        self.X, self.U, self.V = (ti.Vector.ndarray(3, real, n) for _ in range(3))
-        self.C, self.grad_u = (ti.Matrix.ndarray(3, 3, real, n) for _ in range(2))
-        self.D, self.volume = (ti.ndarray(real, n) for _ in range(2))
-        self.tag = ti.ndarray(ti.i32, n)
-        self.anchor = ti.Vector.ndarray(3, real, n)
-        self.force = ti.Vector.ndarray(3, real, n if forced else 1)
-        self.force.from_numpy(np.zeros((n if forced else 1, 3), X0.dtype))
+        n, self._real, self._arrays = len(X0), real, Arrays(self)
+        make = self._arrays
+        self.X = make.of(X0, real, (3,))
+        self.U, self.V, self.anchor = (make.zeros(real, n, element=(3,)) for _ in range(3))
+        self.C, self.grad_u = (make.zeros(real, n, element=(3, 3)) for _ in range(2))
+        self.D, self.volume, self.tag = make.zeros(real, n), make.of(volume, real), make.of(tag, ti.i32)
+        self.force = make.zeros(real, n if forced else 1, element=(3,))
         self.F = Deformation(self.grad_u)
-        self.X.from_numpy(X0)
-        self.volume.from_numpy(volume.astype(X0.dtype))
-        self.tag.from_numpy(tag)
 
     def group_by_cell(self, y: Array | None, threads: int) -> Array | None:
         """Group particles by rest cell, for y [cells], (N, 3), sorted by cell; None makes no groups.
@@ -52,12 +49,10 @@ class Points:
         Returns the first particle of each cell, (cells,), or None. Splitting into fragments keeps the groups.
         """
         counts = np.zeros(1, np.int32) if y is None else cell_counts(y)
-        self.cell_counts, self.theta = ti.ndarray(ti.i32, len(counts)), ti.ndarray(self._real, len(counts))
-        self.cell_counts.from_numpy(counts)
-        self.theta.from_numpy(np.ones(len(counts), self._dtype))
+        self.cell_counts = self._arrays.of(counts, ti.i32)
+        self.theta = self._arrays.of(np.ones(len(counts)), self._real)
         places = max(PAGE, PLACES << max(int(counts.max()) - 1, 0).bit_length())
-        self.scratch = ti.Vector.ndarray(4, self._real, (threads, places))
-        self.scratch.from_numpy(np.zeros((threads, places, 4), self._dtype))
+        self.scratch = self._arrays.zeros(self._real, threads, places, element=(4,))
         return None if y is None else np.flatnonzero(counts)
 
     def arrays(self) -> tuple[Any, ...]:

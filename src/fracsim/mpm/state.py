@@ -1,7 +1,6 @@
 """One simulation on the device: particles, grid, boundary, and the launches that move them."""
 
 import math
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,6 +8,7 @@ import numpy as np
 import taichi as ti
 
 from fracsim import backend, registry
+from fracsim.arrays import Arrays
 from fracsim.mpm import params as slot
 from fracsim.mpm.boundary import Boundary, Holding
 from fracsim.mpm.context import Variant
@@ -95,13 +95,14 @@ class State:
         """Arrays for what kernels find out."""
         threads = self.drive.threads
         self._wide = ti.f64 if backend.computes_doubles() else ti.f32
-        self._params = ti.ndarray(self.real, slot.PARAMETERS)
-        self._sums = ti.ndarray(self._wide, (threads, slot.SUMS))
-        self._peaks = ti.ndarray(self.real, (threads, slot.PEAKS))
-        self._faults = ti.ndarray(ti.i32, (threads, 3))
-        self._last = ti.ndarray(ti.i32, threads)
-        self._tau = ti.Matrix.ndarray(3, 3, self.real, self.n)
-        self._scalars = ti.ndarray(self.real, (self.n, 3))
+        make = self._arrays = Arrays(self)
+        self._params = make.zeros(self.real, slot.PARAMETERS)
+        self._sums = make.zeros(self._wide, threads, slot.SUMS)
+        self._peaks = make.zeros(self.real, threads, slot.PEAKS)
+        self._faults = make.zeros(ti.i32, threads, 3)
+        self._last = make.zeros(ti.i32, threads)
+        self._tau = make.zeros(self.real, self.n, element=(3, 3))
+        self._scalars = make.zeros(self.real, self.n, 3)
 
     def _constants(self) -> Array:
         """The kernels' parameters (PARAMETERS,); those that depend on the substep follow in `run`."""
@@ -193,7 +194,7 @@ class State:
     def save(self) -> None:
         """Keep what a run changes, for `restore`."""
         if not self._saved:
-            self._saved = [deepcopy(array) for array in self._changing()]
+            self._saved = [self._arrays.like(array) for array in self._changing()]
         for saved, array in zip(self._saved, self._changing(), strict=True):
             saved.copy_from(array)
 

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 from taichi.lang.util import to_taichi_type
 
+from fracsim.arrays import Arrays, power_of_2
 from fracsim.backend import on_cpu
 from fracsim.camera import NEAR, TILE, View
 from fracsim.camera import project as project_points
@@ -25,9 +26,10 @@ class Splatter:
         self._real = to_taichi_type(self.dtype)
         self._composite = compositor(features, TILE if on_cpu() else 1, self._real)
         rows, columns = view.height // TILE, view.width // TILE
-        self._table = ti.ndarray(ti.i32, (tiles.CHUNKS, rows, columns))
-        self._starts = ti.ndarray(ti.i32, rows * columns + 1)
-        self._entries = ti.ndarray(ti.i32, 1)
+        self._arrays = Arrays(self)
+        self._table = self._arrays.zeros(ti.i32, tiles.CHUNKS, rows, columns)
+        self._starts = self._arrays.zeros(ti.i32, rows * columns + 1)
+        self._entries = self._arrays.zeros(ti.i32, 1)
         self._capacity = 0
 
     def render(
@@ -69,7 +71,7 @@ class Splatter:
         chunk_starts, tile_starts = tiles.starts(self._table.to_numpy())
         total = int(tile_starts[-1])
         if total > self._entries.shape[0]:
-            self._entries = ti.ndarray(ti.i32, total + total // 4)
+            self._entries = self._arrays.zeros(ti.i32, power_of_2(total + total // 4))
         self._table.from_numpy(chunk_starts)
         self._starts.from_numpy(tile_starts)
         tiles.fill(order, self._rectangle, self._table, self._entries)
@@ -79,9 +81,9 @@ class Splatter:
         """Make room for the projection of n Gaussians."""
         if n > self._capacity:
             self._capacity = n
-            self._depth = ti.ndarray(self._real, n)
-            self._rectangle = ti.Vector.ndarray(4, ti.i32, n)
-            self._ellipse = ti.Vector.ndarray(8, self._real, n)
+            self._depth = self._arrays.zeros(self._real, n)
+            self._rectangle = self._arrays.zeros(ti.i32, n, element=(4,))
+            self._ellipse = self._arrays.zeros(self._real, n, element=(8,))
 
     def _project(self, means: Array, covariance: Array, F: Array, opacity: Array) -> None:
         """Fill depth, rectangle and ellipse."""
