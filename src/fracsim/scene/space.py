@@ -30,6 +30,7 @@ class Space:
     per_material: int = knob(
         1, "number of loadings of each material; the table has materials x per_material rows", least=1
     )
+    seed: int = knob(0, "seed of the choice of loadings; the seed of the scene moves particles, not the table", least=0)
 
     def __post_init__(self) -> None:
         check(self, "space")
@@ -64,7 +65,7 @@ class Draw:
         check(self, "")
 
 
-def resolve(space: Space, draw: int, seed: int) -> dict[str, Any]:
+def resolve(space: Space, draw: int) -> dict[str, Any]:
     """Fields and values of draw number `draw` from 0 to space.draws - 1; equal arguments give equal values.
 
     Consecutive draws go round the materials: draw 0 is the first loading of the first material, draw 1 the first
@@ -79,7 +80,7 @@ def resolve(space: Space, draw: int, seed: int) -> dict[str, Any]:
     materials = list(product(*space.materials.values()))
     loading, material = divmod(draw, len(materials))
     sizes = tuple(len(values) for values in space.loadings.values())
-    row = _table(sizes, space.per_material, len(materials), seed)[material][loading]
+    row = _table(sizes, space.per_material, len(materials), space.seed)[material][loading]
     chosen = [values[i] for values, i in zip(space.loadings.values(), row, strict=True)]
     names = [*space.materials, *space.loadings]
     return {k: v for name, value in zip(names, [*materials[material], *chosen], strict=True)
@@ -130,7 +131,7 @@ def take(content: dict[str, Any], given: Collection[str]) -> dict[str, Any]:
     if found.get("draw", -1) == -1:
         return {}
     drawn = Draw(draw=found["draw"], space=Space(**found.get("space", {})))
-    values = resolve(drawn.space, drawn.draw, content.get("seed", 0))
+    values = resolve(drawn.space, drawn.draw)
     wanted = {name: value for name, value in values.items() if name not in given}
     for name, value in wanted.items():
         section, _, leaf = name.rpartition(".")
