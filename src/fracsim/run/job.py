@@ -26,7 +26,7 @@ def run(cfg: Any) -> Summary:
     if hydra.mode == RunMode.MULTIRUN or len(todo) > 1:
         summary = run_all(_resolved(todo), _lines(hydra, cfg, len(todo)))
     else:
-        summary = run_all(_resolved(todo), lines.One())
+        summary = run_all(_resolved(todo), lines.One(), record=False)
     RESULTS.append(summary)
     if summary.interrupted:
         raise KeyboardInterrupt
