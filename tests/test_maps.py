@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fracsim import registry
-from fracsim.maps import codec, damage, flow, strain, stress
+from fracsim import codec, registry
+from fracsim.maps import damage, flow, strain, stress
 from fracsim.records import Array, Frame
 
 FRONT = np.diag([1.0, -1.0, -1.0])

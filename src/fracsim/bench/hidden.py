@@ -28,7 +28,7 @@ def showing(film: Film, n: int) -> Array:
     assert splatter is not None
     shows = np.zeros(n, np.int32)
     transmittance = np.ones((film.view.height, film.view.width), np.float32)
-    composite(*splatter.listed(), transmittance, shows)
+    composite(*splatter.tile_lists(), transmittance, shows)
     return shows > 0
 
 
