@@ -122,7 +122,7 @@ def slabs(axes: list[Array]) -> list[slice]:
 def _surface(solid: Solid, band: Array, inner: Array, spacing: float) -> tuple[Array, Array]:
     """Surface particles (M, 3) [m] and their normals (M, 3).
 
-    From the lattice points `band` (N, 3) next to the surface. They keep clear of the interior particles `inner` (K, 3).
+    From the lattice points `band` (N, 3) next to the surface. They keep clear of the interior particles `inner` (L, 3).
     """
     P, normal = _settled(solid, band, spacing)
     for _ in range(2 if len(P) else 0):
@@ -141,7 +141,7 @@ def _settled(solid: Solid, P: Array, spacing: float) -> tuple[Array, Array]:
 
 
 def _repulsion(P: Array, normal: Array, inner: Array, spacing: float) -> Array:
-    """One step (N, 3) [m] of points P (N, 3) along the surface, away from near neighbours among P and `inner` (K, 3).
+    """One step (N, 3) [m] of points P (N, 3) along the surface, away from near neighbours among P and `inner` (L, 3).
 
     `normal` is (N, 3). A point without a normal has a zero step.
     """
@@ -167,7 +167,7 @@ def _pairs(P: Array, reach: float) -> Array:
 
 def _spaced(P: Array, inner: Array, least: float) -> Array:
     """Whether to keep a point of P (N, 3), (N,) bool: kept points are at least `least` from each other and from `inner`
-    (K, 3).
+    (L, 3).
     """
     keep = np.ones(len(P), bool)
     pairs = _pairs(np.concatenate([inner, P]), least) - len(inner)
@@ -208,7 +208,7 @@ def _thin(share: float) -> str:
 
 
 def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: float) -> Array:
-    """The samples of the cells with indices `cells` (M, 3) that are inside the solid, (K, 3) [m].
+    """The samples of the cells with indices `cells` (M, 3) that are inside the solid, (L, 3) [m].
 
     `d` (nx, ny, nz) is the signed distance in spacings.
     """

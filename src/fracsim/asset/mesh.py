@@ -23,7 +23,7 @@ from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
 REACH = 1.0
-"""Largest distance of a point from the surface it is moved to [particle spacings]."""
+"""Points farther than this from the surface are not moved onto it [particle spacings]."""
 SPECK = 0.005
 """Parts of a doubtful inside that are smaller than this fraction of the largest part are dropped."""
 

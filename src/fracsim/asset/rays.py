@@ -37,15 +37,15 @@ class Rays:
 
 @dataclass(frozen=True)
 class _Table:
-    """The K crossings of the grid lines along one axis, ordered by line and place."""
+    """Crossings of the grid lines along one axis, ordered by line and place."""
 
     axis: int
     line: Array
-    """Number of the grid line, (K,), ascending."""
+    """Number of the grid line, (crossings,), ascending."""
     key: Array
-    """Line plus place along it as a fraction, (K,), ascending."""
+    """Line plus place along it as a fraction, (crossings,), ascending."""
     cumulative: Array
-    """Cumulative sum of the signs, (K + 1,)."""
+    """Cumulative sum of the signs, (crossings + 1,)."""
 
     @staticmethod
     def of(corners: Array, axes: list[Array], axis: int) -> "_Table":
@@ -70,14 +70,14 @@ class _Table:
 
 
 def _fraction(place: Array, axis: Array) -> Array:
-    """Places (K,) along an axis, of coordinates (n,), as ascending numbers in (0, 1), (K,)."""
+    """Places (crossings,) along an axis, of coordinates (n,), as ascending numbers in (0, 1), (crossings,)."""
     span = axis[-1] - axis[0]
     out: Array = np.clip(0.5 + 0.25 * (place - (axis[0] + axis[-1]) / 2) / max(span, 1e-300), 1e-9, 1 - 1e-9)
     return out
 
 
 def _crossings(corners: Array, axes: list[Array], axis: int) -> tuple[Array, Array, Array]:
-    """Line number, place along the axis, and sign of every crossing, (K,) each.
+    """Line number, place along the axis, and sign of every crossing, (crossings,) each.
 
     Of triangles (T, 3, 3) with the lines along `axis` of the grid of three coordinate arrays. The sign is +1 where the
     line leaves the inside.

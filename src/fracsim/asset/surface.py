@@ -174,5 +174,5 @@ def _unit(values: Any) -> Array:
 
 
 def _srgb(linear: Array) -> Array:
-    """Display values of linear intensities, (..., 3) each (IEC 61966-2-1)."""
+    """Display values, (3,), of linear intensities (3,) (IEC 61966-2-1)."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)

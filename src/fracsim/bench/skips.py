@@ -114,7 +114,10 @@ def objects() -> Iterator[Row]:
 
 
 def settled(quick: bool) -> Iterator[Row]:
-    """Substeps that `solver.until=settled` saves; still particles, whose blocks could sleep (not done, see docs)."""
+    """Substeps that `solver.until=settled` saves, and the share of still particles.
+
+    Blocks of still particles could be skipped, but are not (see docs/speed.md).
+    """
     common = ("quality=preview", "backend.threads=1", "asset=croissant", *(("capture.frames=4",) if quick else ()))
     counts, still, moving = {}, 0, 0
     for until in ("end", "settled"):

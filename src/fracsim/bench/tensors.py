@@ -35,7 +35,7 @@ def stretch_always(F: Matrices, out: Scalars):
 
 @ti.kernel
 def stretch_near_onset(F: Matrices, out: Scalars):
-    """out = the largest stretch of F, (N,), where it can exceed lambda_onset = 1.5, elsewhere 0, (N,)."""
+    """out = the largest stretch, (N,), of F, (N,); 0 if it cannot exceed lambda_onset = 1.5."""
     ti.loop_config(serialize=True)
     for p in range(F.shape[0]):
         out[p] = max_stretch(F[p], F[p].determinant(), 1.5)

@@ -146,7 +146,7 @@ def _grows(state: State, F: Array, dt: float) -> bool:
     rng = np.random.default_rng(0)
     state.points.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
     state.points.V.from_numpy(np.zeros((state.n, 3)))
-    state.first_substep = True  # nodes forget how they moved
+    state.first_substep = True  # nodes have no velocity yet
     state.points.C.from_numpy(np.zeros((state.n, 3, 3)))
     state.points.U.from_numpy(np.zeros((state.n, 3)))
     state.points.D.from_numpy(np.zeros(state.n))

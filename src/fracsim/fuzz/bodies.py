@@ -57,7 +57,7 @@ def _halves(counts: Array, gap: float, across: float = 0.0) -> Array:
 
 
 def _touching(counts: Array, rng: np.random.Generator) -> Array:
-    """Two adjacent blocks, (N, 3), whose lattices do not match, with `counts`, (3,)."""
+    """Two adjacent blocks, (N, 3), with lattices that do not match; `counts`, (3,)."""
     return _halves(counts, 1.0, across=0.5)
 
 

@@ -1,4 +1,4 @@
-"""One scene of the study as plain data, which need not be valid; written to and read from YAML."""
+"""One scene of the study as plain data. It need not be valid, and is written to and read from YAML."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields

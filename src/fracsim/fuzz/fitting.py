@@ -23,7 +23,7 @@ from fracsim.scene.knob import describe
 from fracsim.scene.vocab import Scene
 
 UNSTABLE = ("blow-up", "flown off")
-"""Prefixes of the kinds of error that end an unstable motion, whose energy has grown."""
+"""Prefixes of the kinds of error that end an unstable motion. Its energy has grown by then."""
 FIELDS = re.compile("|".join(re.escape(name) for name, _, _ in describe(Scene)) + r"|field [xvFd]\b")
 WAY_OUT = re.compile(r"\b([Uu]se|[Cc]hoose|[Ss]et|[Rr]aise)\b")
 

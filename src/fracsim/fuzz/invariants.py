@@ -132,8 +132,8 @@ class Watch:
     def _momentum(self, frame: Frame) -> None:
         """Momentum along the axis changes by the impulses of grips and gravity.
 
-        Not checked with grid decay or walls, whose impulses are not tallied, nor in `total` once a particle has failed
-        and taken its momentum off the grid.
+        Not checked with grid decay or walls, since their impulses are not tallied, nor in `total` once a particle has
+        failed, since it takes its momentum off the grid.
         """
         s, m, damped = self.sim.state, self.scene.material, self.scene.solver.damping != "none"
         failed = s.total and frame.failed.any()

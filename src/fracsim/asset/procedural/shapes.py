@@ -27,6 +27,7 @@ def in_blocks(dtype: DTypeLike | None = None) -> Callable[[Callable[..., Array]]
     def wrap(function: Callable[..., Array]) -> Callable[..., Array]:
         @functools.wraps(function)
         def run(*arrays: Array) -> Array:
+            """The function at points (N, 3) and numbers (N,): (N,) or (N, 3)."""
             starts = range(0, max(len(arrays[0]), 1), BLOCK)
             parts = [function(*(np.array(a[i : i + BLOCK].T, dtype, order="C") for a in arrays)) for i in starts]
             return np.concatenate([np.asarray(part).T for part in parts])
