@@ -5,8 +5,8 @@ fits. The other errors fit these scenes:
 
 - *empty grip*, *gauge*, *large grid*: all. They are about combinations of fields (a grip beside the object, grips that
   touch, a body spread over too many cells).
-- *thresholds* (crit not above onset), *substep* (a fixed dt above the bound, without override): all. Only such scenes
-  can raise them.
+- *thresholds* (crit not above onset), *substep* (a fixed dt above the bound, without override), *damping* (a viscosity
+  per substep that no substep bears): all. Only such scenes can raise them.
 - *blow-up* (a particle faster than solver.max_speed or not finite, too many crushed particles, a stability bound that
   is not a number), *flown off* (a particle left the grid), *slow* (a stability bound so low that the run would hardly
   end): scenes that are not `sensible`. These have a fixed dt (the bound at rest does not hold for a stretched state),
@@ -44,6 +44,7 @@ KINDS = (
     Kind("large grid", r"^the grid would need", True),
     Kind("thresholds", r"fracture\.crit=.* must be greater than fracture\.onset", True),
     Kind("substep", r"solver\.dt=.* exceeds the stability bound", True),
+    Kind("damping", r"solver\.damping=per_substep is unstable", True),
     Kind("blow-up: speed", r"exceeds solver\.max_speed", False),
     Kind("blow-up: not finite", r"v is not finite|bound of solver\.dt=auto is not a number", False),
     Kind("blow-up: crushed", r"inverted or crushed", False),
