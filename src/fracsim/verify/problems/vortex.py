@@ -118,7 +118,7 @@ def error(setting: Setting, law: str, cells: int) -> float:
         flatten(t, dt)
         if state.total:
             nodes = state.grid.velocity.to_numpy()
-            nodes[still] = 0
+            nodes[: box.size][still] = 0
             state.grid.velocity.from_numpy(nodes)
         for name in ("U", "V", "C", "F"):
             values = getattr(state.points, name).to_numpy()
