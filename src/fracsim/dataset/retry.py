@@ -54,10 +54,12 @@ def _scenes(root: Path, files: list[Path]) -> Iterator[tuple[Path, Scene | str]]
             scene = schema.load_scene(path)
             of_sample = path.parent.name != verify.FAILURES
             if of_sample and scene_id(scene) != path.parent.name:
-                raise ValueError(f"{path} has changed too: delete {path.parent} and repeat the command of its sweep.")
+                raise ValueError(
+                    f"{path} is not that of its sample: delete the folder and repeat the command of its sweep."
+                )
             yield path, replace(scene, output=replace(scene.output, folder=str(root), overwrite=of_sample))
         except ValueError as error:
-            yield path, str(error)
+            yield path, f"{path.relative_to(root)}: {error}"
 
 
 def add(subparsers: Any) -> None:
