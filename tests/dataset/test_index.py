@@ -152,7 +152,7 @@ def test_the_table_follows_the_samples(copy: Path) -> None:
 def test_what_is_not_finished_or_no_sample_has_no_row(copy: Path) -> None:
     """Being written, incomplete, damaged, other folders and files; such a sample gets its row when it is whole."""
     one, two, three, _ = sorted(p.name for p in copy.iterdir())
-    (copy / one).rename(copy / f"{one}.partial-17")
+    (copy / one).rename(copy / f"{one}.partial-17.1@some.host")
     shutil.copytree(copy / two, copy / f"{two}.incomplete")
     (copy / three / "alpha.mkv").rename(copy / "alpha.mkv")
     for name in ("multirun", "failures", "notes"):
@@ -160,7 +160,7 @@ def test_what_is_not_finished_or_no_sample_has_no_row(copy: Path) -> None:
     shutil.copytree(copy / two, copy / "multirun" / two)
     (copy / "sweep.jsonl").write_text("{}")
     assert len(index.rows(copy)) == 2
-    (copy / f"{one}.partial-17").rename(copy / one)
+    (copy / f"{one}.partial-17.1@some.host").rename(copy / one)
     (copy / "alpha.mkv").rename(copy / three / "alpha.mkv")
     assert len(index.rows(copy)) == 4
 

@@ -146,7 +146,7 @@ def test_the_working_folder_loads_as_a_videofolder(copy: Path, tmp_path: Path) -
     (copy / "sweep.jsonl").write_text('{"id": "x"}\n')
     (copy / "README.md").write_text("---\nlicense: other\n---\n")
     some = table["path"][0].as_py()
-    shutil.copytree(copy / some, copy / f"{some}.partial-5")
+    shutil.copytree(copy / some, copy / f"{some}.partial-5@host")
     code = f"""
 import json, os, sys
 os.environ |= {{"HF_HOME": {str(tmp_path / "cache")!r}, "HF_HUB_OFFLINE": "1"}}

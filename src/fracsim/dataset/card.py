@@ -18,7 +18,8 @@ from fracsim.dataset.progress import Progress, shown, silent
 from fracsim.dataset.reader import TRUSTED, Clips, open
 from fracsim.dataset.table import COLUMNS, FIELDS, Row, column_of
 from fracsim.dataset.thumbnails import chosen, sheet
-from fracsim.dataset.verify import JOURNAL, attempts, failures
+from fracsim.dataset.verify import attempts, failures
+from fracsim.run.journal import JOURNAL
 from fracsim.sample.schema import read_meta
 
 CARD = "README.md"
