@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -102,12 +103,17 @@ def test_every_column_is_explained(copy: Path) -> None:
 
 
 def test_the_code_on_the_card_runs(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ours, theirs = re.findall(r"```python\n(.*?)```", text_of(copy), re.DOTALL)
+    ours, theirs, shards = re.findall(r"```python\n(.*?)```", text_of(copy), re.DOTALL)
     monkeypatch.chdir(copy.parent)
     python(ours + "\nassert len(frames) == 8")
     pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HOME", str(copy.parent / "cache"))
     assert python(theirs).startswith("1 ['id', 'object', ")
+    if find_spec("fracsim.dataset.export") is None or find_spec("webdataset") is None:
+        pytest.skip("no shards")
+    assert main(["export", copy.name, "--to", "webdataset", "shards"]) == 0
+    (duck,) = (row for row in index.rows(copy) if row["object"] == "duck")
+    assert python(shards) == f"{duck['id']} {duck['caption']}\n"
 
 
 def test_the_head_makes_a_hub_load_each_split(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

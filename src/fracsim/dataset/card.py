@@ -75,7 +75,20 @@ print(clips.num_rows, clips.column_names)
 
 The `split="train"` of `datasets` is its name for everything there is; the column `split` says what is for training.
 
-With `webdataset`, from shards that `python -m fracsim.dataset export {folder} --to webdataset` writes.
+With `webdataset`, from tar shards:
+
+```sh
+python -m fracsim.dataset export {folder} --to webdataset shards
+```
+
+```python
+from glob import glob
+
+from webdataset import WebDataset
+
+for entry in WebDataset(sorted(glob("shards/{split}-*.tar")), shardshuffle=False).decode():
+    print(entry["__key__"], entry["meta.json"]["caption"])
+```
 """
 
 
@@ -99,7 +112,7 @@ def _lines(root: Path, clips: Clips, license: str, pictured: bool) -> Iterator[s
     rows: list[Row] = clips.table.to_pylist()
     built_in = all(row["asset_kind"] == "builtin" for row in rows)
     license = license or (LICENCE if built_in else OTHER)
-    title = f"{len(rows)} clips of objects that are pulled until they break"
+    title = f"{len(rows)} clips of objects that are pulled apart"
     yield HEAD.format(license=license, title=title, size=_size(len(rows)), tags="\n".join(f"- {tag}" for tag in TAGS),
                       configs=_configs(rows))  # fmt: skip
     yield f"# {title}\n"
