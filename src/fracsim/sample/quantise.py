@@ -25,9 +25,17 @@ def quantise(raw: Array) -> tuple[Array, tuple[float, float]]:
     return codes.astype(np.uint16), (-zero * step, (LEVELS - zero) * step)
 
 
-def dequantise(codes: Array, lo: float, hi: float) -> Array:
-    """float32 values lo + codes / LEVELS * (hi - lo), arranged so that the code of zero gives exactly 0."""
+def dequantise(codes: Array, lo: float, hi: float, out: Array | None = None) -> Array:
+    """float32 values lo + codes / LEVELS * (hi - lo) of codes of any shape, such that the code of zero gives exactly 0.
+
+    They are put into `out`, if given, which has the same shape.
+    """
+    values = np.empty(codes.shape, np.float32) if out is None else out
     if hi <= lo:
-        return np.zeros(codes.shape, np.float32)
+        values.fill(0)
+        return values
     step = (hi - lo) / LEVELS
-    return np.asarray((codes.astype(np.int32) - round(-lo / step)) * np.float32(step), np.float32)
+    # Both are whole numbers below 2^17, so the difference is exact in float32.
+    np.subtract(codes, np.float32(round(-lo / step)), out=values, dtype=np.float32)
+    values *= np.float32(step)
+    return values
