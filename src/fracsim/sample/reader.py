@@ -135,7 +135,7 @@ class Sample:
     def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
         """As `read`, but as it lies on disk: "rgb" uint8 [T, H, W, 3], "alpha" uint16 [T, H, W], maps [T, C, H, W].
 
-        Coverage is code / 65535, a map lo + code / 65535 (hi - lo), lo and hi from meta["ranges"][what][frame][channel].
+        Coverage is code / 65535, a map is lo + code / 65535 (hi - lo) with lo, hi = meta["ranges"][what][frame][channel].
         """
         stop = self.frames if stop is None else stop
         if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
