@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.sample import schema
+from fracsim.sample import chunked, schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
 from fracsim.sample.quantise import LEVELS, dequantise
@@ -135,7 +135,7 @@ class Sample:
     def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
         """As `read`, but as it lies on disk: "rgb" uint8 [T, H, W, 3], "alpha" uint16 [T, H, W], maps [T, C, H, W].
 
-        Coverage is code / 65535, a map is lo + code / 65535 (hi - lo) with lo, hi = meta["ranges"][what][frame][channel].
+        Coverage is code / 65535, a map is lo + code / 65535 (hi - lo); meta["ranges"][what][frame][channel] is lo, hi.
         """
         stop = self.frames if stop is None else stop
         if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
@@ -150,6 +150,8 @@ class Sample:
 
     def _stored(self, what: str, start: int, stop: int) -> Array:
         """Frames start .. stop - 1 of what is there, decoded."""
+        if self.meta.get("storage") == chunked.STORAGE:
+            return chunked.read(self._file(chunked.file(what)), start, stop)
         if what == "rgb":
             return self._decode(schema.RGB, "rgb", start, stop)
         if what == "alpha":
