@@ -22,7 +22,7 @@ def caption(row: Mapping[str, Any]) -> str:
 
 
 def direction(axis_deg: float | None) -> str:
-    """A pulling axis [deg], counter-clockwise from image right, in words after a blank; opposite directions are one axis."""
+    """A pulling axis [deg], counter-clockwise from image right, in words; equal to that 180 deg further."""
     if axis_deg is None:
         return ""
     axis = axis_deg % 180

@@ -8,7 +8,7 @@ one. A sample that is being written meanwhile is left out until it is finished.
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -18,7 +18,8 @@ import pyarrow.parquet as pq
 
 from fracsim.dataset import folders
 from fracsim.dataset.classes import SPLITS
-from fracsim.dataset.progress import shown, silent
+from fracsim.dataset.command import command
+from fracsim.dataset.progress import Progress, shown, silent
 from fracsim.dataset.table import SCHEMA, Row, row_of
 from fracsim.sample import schema
 from fracsim.sample.folder import lacking
@@ -28,9 +29,6 @@ VERSION = "1"
 """Version of the rules that make a row; another one makes all rows again."""
 _VERSION_KEY = b"fracsim_table"
 STATUSES = ("complete", "never breaks", "suspect")
-
-Progress = Callable[[Iterable[Any], int, str], Iterable[Any]]
-"""Passes items on and shows how many of `total` are done, under a heading."""
 
 
 def build(folder: Path | str, progress: Progress = silent) -> Path:
@@ -46,8 +44,8 @@ def build(folder: Path | str, progress: Progress = silent) -> Path:
 def table(folder: Path | str, progress: Progress = silent) -> pa.Table:
     """The table of the samples that are in `folder` now, sorted by path.
 
-    A stale or missing metadata.parquet is written again, if the folder may be written to. Raises ValueError for a folder
-    without samples.
+    A stale or missing metadata.parquet is written again, if the folder may be written to. Raises ValueError for a
+    folder without samples.
     """
     root = folders.root(folder)
     found, changed = _current(root, progress)
@@ -67,7 +65,7 @@ def rows(folder: Path | str) -> list[Row]:
 def _current(root: Path, progress: Progress) -> tuple[pa.Table, bool]:
     """The table of the samples there are, and whether that on disk is another one."""
     there = dict(folders.finished(root))
-    stored = _load(root / TABLE)
+    stored = load(root / TABLE)
     names = stored["path"].to_pylist()
     kept = [there.get(name) == written for name, written in zip(names, stored["written"].to_pylist(), strict=True)]
     changed = there.keys() - {name for name, keep in zip(names, kept, strict=True) if keep}
@@ -92,7 +90,7 @@ def _new_rows(root: Path, names: Iterable[str], written: dict[str, int]) -> Iter
             yield None
 
 
-def _load(path: Path) -> pa.Table:
+def load(path: Path) -> pa.Table:
     """The table on disk, or an empty one when there is none of these columns and rules."""
     try:
         stored = pq.read_table(path)
@@ -136,10 +134,7 @@ def break_frames(rows: Iterable[Row]) -> list[int]:
 
 def add(subparsers: Any) -> None:
     """The command `index`."""
-    parser = subparsers.add_parser("index", help="write the table metadata.parquet", description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("folder", metavar="DIR", help="folder of the samples")
-    parser.set_defaults(run=run)
+    command(subparsers, "index", "write the table metadata.parquet", __doc__, run)
 
 
 def run(arguments: argparse.Namespace) -> int:

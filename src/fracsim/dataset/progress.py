@@ -1,10 +1,12 @@
 """How far a long command is, with an estimate of the time left; only in a terminal."""
 
 import sys
-from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeVar
 
 T = TypeVar("T")
+Progress = Callable[[Iterable[Any], int, str], Iterable[Any]]
+"""Passes items on and shows how many of a total are done, under a heading."""
 
 
 def silent(items: Iterable[T], total: int, heading: str) -> Iterable[T]:

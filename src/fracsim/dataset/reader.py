@@ -68,13 +68,17 @@ class Clips(Sequence[Clip]):
     def __getitem__(self, key: int | slice) -> "Clip | Clips":
         numbers = range(len(self))[key]  # raises IndexError
         if isinstance(numbers, range):
-            return Clips(self.folder, self.table.take(pa.array(numbers, pa.int64())))
+            return self.take(numbers)
         return Clip(Columns(self.table.slice(numbers, 1).to_pylist()[0]), self.folder)
 
     def __iter__(self) -> Iterator[Clip]:
         for batch in self.table.to_batches(max_chunksize=1000):
             for row in batch.to_pylist():
                 yield Clip(Columns(row), self.folder)
+
+    def take(self, numbers: Sequence[int]) -> "Clips":
+        """The clips of these numbers, in this order; raises IndexError for one that is not there."""
+        return Clips(self.folder, self.table.take(pa.array(numbers, pa.int64())))
 
     def filter(self, predicate: Callable[[Row], bool] | None = None, **conditions: Any) -> "Clips":
         """The clips whose row satisfies `predicate` and has the given values in the given columns.

@@ -55,6 +55,7 @@ FIELDS = {name: (_kind(default), knob.doc, knob.unit) for name, default, knob in
 COLUMNS = (
     Column("id", TEXT, "hash of the scene, and name of its sample"),
     Column("object", TEXT, "name of the built-in object, or of the file of a mesh or splats"),
+    Column("asset_kind", TEXT, "builtin, mesh or ply; null = made by another producer than fracsim"),
     Column("class", TEXT, "low_stretch, high_stretch or none"),
     Column("split", TEXT, "train, test or none: a split has objects of its own"),
     *(Column(f"{name}_file_name", TEXT, f"video of {name}; null = not recorded") for name in VIDEOS),
@@ -90,24 +91,41 @@ def row_of(folder: Path, meta: Mapping[str, Any], written: int) -> Row:
     """
     values, report = _values(folder, meta), meta["report"]
     name = _object(folder, meta, values)
-    kind = class_of(name)
     status, reason = health(report) if meta["producer"] == FRACSIM else ("complete", "")
     broken = report.get("break_frame")
     row: Row = {column.name: None for column in COLUMNS}
     row |= {column_of(field): _typed(values[field], kind) for field, (kind, _, _) in FIELDS.items()}
     row |= {f"{what}_file_name": _file(folder, meta, file) for what, file in VIDEOS.items()}
-    row |= {name: report.get(name) for name in ("break_frame", "torn_frame", "particles", "substeps")}
+    row |= {fact: report.get(fact) for fact in ("break_frame", "torn_frame", "particles", "substeps")}
     row |= {
-        "id": meta["id"], "object": name, "class": class_of(str(values["material.law"])) if kind == NONE else kind,
-        "split": split_of(name), "tracks_file": _file(folder, meta, schema.TRACKS),
+        "id": meta["id"],
+        "object": name,
+        "asset_kind": values["asset.kind"],
+        "class": _class(name, str(values["material.law"])),
+        "split": split_of(name),
+        "tracks_file": _file(folder, meta, schema.TRACKS),
         "seed": _typed(values["seed"], WHOLE),
-        "breaks_in_training": broken is not None and broken < TRAINING_FRAMES, "status": status, "reason": reason,
-        "frames": meta["frames"], "fps": float(meta["fps"]), "width": meta["size"][0], "height": meta["size"][1],
-        "seconds": float(sum(meta["seconds"].values())), "bytes": sum(e["bytes"] for e in meta["files"].values()),
-        "sha256": fingerprint(meta["files"]), "path": folder.name,
-        "producer": f"{meta['producer']} {meta['provenance'].get(meta['producer'], '')}".strip(), "written": written,
-    }  # fmt: skip
+        "breaks_in_training": broken is not None and broken < TRAINING_FRAMES,
+        "status": status,
+        "reason": reason,
+        "frames": meta["frames"],
+        "fps": float(meta["fps"]),
+        "width": meta["size"][0],
+        "height": meta["size"][1],
+        "seconds": float(sum(meta["seconds"].values())),
+        "bytes": sum(entry["bytes"] for entry in meta["files"].values()),
+        "sha256": fingerprint(meta["files"]),
+        "path": folder.name,
+        "producer": f"{meta['producer']} {meta['provenance'].get(meta['producer'], '')}".strip(),
+        "written": written,
+    }
     return row | {"caption": caption(row)}
+
+
+def _class(name: str, law: str) -> str:
+    """The class of an object, or of its law if the object has none."""
+    own = class_of(name)
+    return class_of(law) if own == NONE else own
 
 
 def fingerprint(files: Mapping[str, Mapping[str, Any]]) -> str:
