@@ -1,7 +1,7 @@
 """Copies of a data set as tar shards that `webdataset` and `datasets` read.
 
-A clip is a run of files KEY.rgb.mkv, KEY.stress.mkv, ..., KEY.meta.json, KEY.document.yaml; a shard is named after its split.
-The same clips give the same bytes, so that an export that was interrupted is continued.
+A clip is the files KEY.rgb.mkv, KEY.stress.mkv, ..., KEY.meta.json, KEY.document.yaml; a shard is named after its
+split. The same clips give the same bytes, so that an export that was interrupted is continued.
 """
 
 import hashlib
@@ -158,7 +158,7 @@ def _members(clip: Clip, fields: Sequence[str]) -> Iterator[Member]:
         if file not in meta["files"]:
             raise ValueError(f"{folder} has no {file}: shards are made of videos, not of a packed copy.")
         yield Member(name, meta["files"][file]["sha256"], meta["files"][file]["bytes"], folder / file)
-    content = (json.dumps(_facts(clip, fields), indent=1) + "\n").encode()
+    content = (json.dumps(_facts(clip, fields)) + "\n").encode()
     yield Member(f"{key}.meta.json", hashlib.sha256(content).hexdigest(), len(content), None, content)
 
 
