@@ -19,7 +19,7 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
-STUDIES = ("pareto", "published", "thresholds", "mesh", "skips")
+STUDIES = ("pareto", "published", "thresholds", "mesh", "skips", "reading")
 """Modules that take minutes and are run only when they are named; their `study(out, quick)` may draw a picture too."""
 FOLDER = Path("docs/benchmarks")
 

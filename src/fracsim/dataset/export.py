@@ -28,6 +28,7 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--shard-bytes", type=_bytes, default=webdataset_shards.GIGABYTE, metavar="N",
                         help="most bytes a shard (1e9)")  # fmt: skip
     parser.add_argument("--size", type=int, metavar="PX", help="width of the pictures of a packed copy [px]")
+    parser.add_argument("--processes", type=int, default=1, metavar="N", help="that make a packed copy (1)")
     parser.add_argument("--verify", action="store_true", help="check OUT and write nothing; status 1 when it is wrong")
     parser.set_defaults(run=run)
 
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _export(clips: Clips, out: Path, arguments: argparse.Namespace) -> Summary:
     if arguments.to == "pack":
-        return pack.pack(clips, out, arguments.only, arguments.size, shown)
+        return pack.pack(clips, out, arguments.only, arguments.size, arguments.processes, shown)
     if arguments.size is not None:
         raise ValueError("--size is for --to pack: shards hold the videos as they are.")
     return webdataset_shards.export(clips, out, arguments.only, arguments.shard_bytes, shown)

@@ -7,7 +7,10 @@ unless they were reduced. A clip is there as a whole or not at all, so that a co
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +42,9 @@ class Job:
     """Width of the pictures [px]; None = as they are."""
 
 
-def pack(clips: Clips, out: Path, only: Sequence[str] = (), width: int | None = None,
+def pack(clips: Clips, out: Path, only: Sequence[str] = (), width: int | None = None, processes: int = 1,
          progress: Progress = silent) -> Summary:  # fmt: skip
-    """Write the packed copy of `clips` into the folder `out`; what is there already stays.
+    """Write the packed copy of `clips` into the folder `out`, by several processes; what is there already stays.
 
     Raises ValueError when a clip lacks what `only` asks for, or cannot be reduced to `width` [px].
     """
@@ -49,12 +52,14 @@ def pack(clips: Clips, out: Path, only: Sequence[str] = (), width: int | None = 
     out.mkdir(parents=True, exist_ok=True)
     for name in folders.unfinished(out):  # of a process that was killed
         shutil.rmtree(out / name)
-    made = 0
-    for clip in progress(clips, len(clips), "packing clips"):
-        if not _is_packed(clip, out, job):
-            _pack(clip, out, job)
-            made += 1
-    return Summary(made, len(clips) - made, sum(_size(out / clip.row["id"]) for clip in clips))
+    missing = [clip for clip in clips if not _is_packed(clip, out, job)]
+    work = partial(_pack, out=out, job=job)
+    if processes > 1:
+        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+            list(progress(pool.map(work, missing), len(missing), "packing clips"))
+    else:
+        list(progress(map(work, missing), len(missing), "packing clips"))
+    return Summary(len(missing), len(clips) - len(missing), sum(_size(out / clip.row["id"]) for clip in clips))
 
 
 def verify(clips: Clips, out: Path, progress: Progress = silent) -> list[str]:
@@ -89,22 +94,22 @@ def _size(path: Path) -> int:
 def _pack(clip: Clip, out: Path, job: Job) -> None:
     """Write one clip under a temporary name, then rename it."""
     sample, target = clip.sample, out / clip.row["id"]
-    partial = out / f"{target.name}.partial-{os.getpid()}"
+    new = out / f"{target.name}.partial-{os.getpid()}"
     try:
-        (partial / "maps").mkdir(parents=True)
+        (new / "maps").mkdir(parents=True)
         meta = _reduced(sample.meta, job) | {"storage": chunked.STORAGE, "packed": _how(clip, job)}
         for what in job.fields:
-            _write(sample, what, partial, meta)
+            _write(sample, what, new, meta)
         for name in (*KEPT, meta["document"]):
             if (sample.path / name).is_file():
-                shutil.copyfile(sample.path / name, partial / name)
-        meta["files"] = schema.inventory(partial)
-        schema.write_meta(partial, meta)
+                shutil.copyfile(sample.path / name, new / name)
+        meta["files"] = schema.inventory(new)
+        schema.write_meta(new, meta)
         if target.exists():  # an older copy, of a sample or of a way of packing that has changed
             shutil.rmtree(target)
-        partial.rename(target)
+        new.rename(target)
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def _reduced(meta: Mapping[str, Any], job: Job) -> dict[str, Any]:

@@ -25,17 +25,12 @@ def quantise(raw: Array) -> tuple[Array, tuple[float, float]]:
     return codes.astype(np.uint16), (-zero * step, (LEVELS - zero) * step)
 
 
-def dequantise(codes: Array, lo: float, hi: float, out: Array | None = None) -> Array:
-    """float32 values lo + codes / LEVELS * (hi - lo) of codes of any shape, such that the code of zero gives exactly 0.
-
-    They are put into `out`, if given, which has the same shape.
-    """
-    values = np.empty(codes.shape, np.float32) if out is None else out
+def dequantise(codes: Array, lo: float, hi: float) -> Array:
+    """float32 values lo + codes / LEVELS * (hi - lo) of codes of any shape, such that the code of zero gives exactly 0."""
     if hi <= lo:
-        values.fill(0)
-        return values
+        return np.zeros(codes.shape, np.float32)
     step = (hi - lo) / LEVELS
-    # Both are whole numbers below 2^17, so the difference is exact in float32.
-    np.subtract(codes, np.float32(round(-lo / step)), out=values, dtype=np.float32)
+    values = codes.astype(np.float32)
+    values -= np.float32(round(-lo / step))  # exact, for both are whole numbers below 2^24
     values *= np.float32(step)
     return values

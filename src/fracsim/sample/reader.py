@@ -129,7 +129,7 @@ class Sample:
         count, channels, height, width = codes.shape
         values = np.empty((count, height, width, channels), np.float32)
         for k, c in np.ndindex(count, channels):
-            dequantise(codes[k, c], *ranges[k][c], out=values[k, ..., c])
+            values[k, ..., c] = dequantise(codes[k, c], *ranges[k][c])
         return values
 
     def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
