@@ -18,7 +18,8 @@ from fracsim.dataset.progress import Progress, shown, silent
 from fracsim.dataset.reader import TRUSTED, Clips, open
 from fracsim.dataset.table import COLUMNS, FIELDS, Row, column_of
 from fracsim.dataset.thumbnails import chosen, sheet
-from fracsim.dataset.verify import JOURNAL, attempts, failures
+from fracsim.dataset.verify import attempts, failures
+from fracsim.run.journal import JOURNAL
 from fracsim.sample.schema import read_meta
 
 CARD = "README.md"
@@ -74,7 +75,20 @@ print(clips.num_rows, clips.column_names)
 
 The `split="train"` of `datasets` is its name for everything there is; the column `split` says what is for training.
 
-With `webdataset`, from shards that `python -m fracsim.dataset export {folder} --to webdataset` writes.
+With `webdataset`, from tar shards:
+
+```sh
+python -m fracsim.dataset export {folder} --to webdataset shards
+```
+
+```python
+from glob import glob
+
+from webdataset import WebDataset
+
+for entry in WebDataset(sorted(glob("shards/{split}-*.tar")), shardshuffle=False).decode():
+    print(entry["__key__"], entry["meta.json"]["caption"])
+```
 """
 
 
@@ -98,7 +112,7 @@ def _lines(root: Path, clips: Clips, license: str, pictured: bool) -> Iterator[s
     rows: list[Row] = clips.table.to_pylist()
     built_in = all(row["asset_kind"] == "builtin" for row in rows)
     license = license or (LICENCE if built_in else OTHER)
-    title = f"{len(rows)} clips of objects that are pulled until they break"
+    title = f"{len(rows)} clips of objects that are pulled apart"
     yield HEAD.format(license=license, title=title, size=_size(len(rows)), tags="\n".join(f"- {tag}" for tag in TAGS),
                       configs=_configs(rows))  # fmt: skip
     yield f"# {title}\n"
@@ -197,7 +211,7 @@ def _plain(value: Any) -> Any:
 
 def _example(rows: Sequence[Row]) -> dict[str, Any]:
     """A split, what to read and a number of frames that are there."""
-    row = next((row for row in rows if row["status"] in TRUSTED), rows[0])
+    row = max(rows, key=lambda row: (row["status"] in TRUSTED, row["split"] == "train"))
     there = [c.name for c in COLUMNS if c.name.endswith("_file_name") and row[c.name]]
     preferred = [name for name in ("stress_file_name", "rgb_file_name") if name in there]
     what = (preferred or there or ["rgb_file_name"])[0].removesuffix("_file_name")

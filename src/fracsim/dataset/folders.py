@@ -5,14 +5,18 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from fracsim.sample.folder import LEFTOVER
 from fracsim.sample.schema import META
 
 BESIDE = ("failures", "multirun", "strips", "sheets", "exports")
 """Folders of a data set that hold no samples."""
-UNFINISHED = re.compile(r"\.(partial-\d+(-\d+)?|incomplete|replaced-\d+)$")
-"""How the name of a sample ends that is being written, was not finished, or is being replaced."""
 NAME = re.compile(r"[0-9a-f]{12}")
 """The id of a sample, which is the name of its folder."""
+
+
+def temporary(name: str) -> bool:
+    """Whether a folder of this name holds a sample that is being written, was not finished, or is being replaced."""
+    return name.endswith(".incomplete") or LEFTOVER.fullmatch(name) is not None
 
 
 def root(folder: Path | str) -> Path:
@@ -26,7 +30,7 @@ def root(folder: Path | str) -> Path:
 def finished(root: Path) -> Iterator[tuple[str, int]]:
     """Name of each folder with a meta.json that is under no temporary name, and when that was written [ns]."""
     for entry in os.scandir(root):
-        if entry.name in BESIDE or entry.name.startswith(".") or UNFINISHED.search(entry.name):
+        if entry.name in BESIDE or entry.name.startswith(".") or temporary(entry.name):
             continue
         try:
             yield entry.name, os.stat(os.path.join(entry.path, META)).st_mtime_ns
@@ -36,7 +40,7 @@ def finished(root: Path) -> Iterator[tuple[str, int]]:
 
 def unfinished(root: Path) -> list[str]:
     """Names of the folders of samples that are being written, were not finished, or are being replaced."""
-    return sorted(e.name for e in os.scandir(root) if UNFINISHED.search(e.name) and e.is_dir())
+    return sorted(e.name for e in os.scandir(root) if temporary(e.name) and e.is_dir())
 
 
 def headless(root: Path) -> list[str]:

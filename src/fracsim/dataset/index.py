@@ -8,7 +8,9 @@ one. A sample that is being written meanwhile is left out until it is finished.
 
 import argparse
 import os
+import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -28,6 +30,8 @@ TABLE = "metadata.parquet"
 VERSION = "1"
 """Version of the rules that make a row; another one makes all rows again."""
 _VERSION_KEY = b"fracsim_table"
+LEFT = 3600.0
+"""Age at which a table that is not in place was left by a killed process [s]."""
 STATUSES = ("complete", "never breaks", "suspect")
 
 
@@ -102,7 +106,11 @@ def load(path: Path) -> pa.Table:
 
 
 def _save(rows: pa.Table, root: Path) -> None:
-    """Replace metadata.parquet at once."""
+    """Replace metadata.parquet at once, and remove what a killed process has left of one."""
+    for old in root.glob(f".{TABLE}.*"):
+        with suppress(OSError):  # another process may have been faster
+            if old.stat().st_mtime < time.time() - LEFT:
+                old.unlink()
     new = root / f".{TABLE}.{os.getpid()}"
     try:
         pq.write_table(rows.replace_schema_metadata({_VERSION_KEY: VERSION}), new, compression="zstd")

@@ -7,7 +7,6 @@ of the broken sample, and its file in failures/ is deleted; what fails again sta
 """
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,49 +14,73 @@ from typing import Any
 from fracsim.dataset import folders, index, verify
 from fracsim.dataset.command import command
 from fracsim.dataset.progress import Progress, shown, silent
+from fracsim.run import journal, sweep
+from fracsim.run.attempt import Attempt, Task
+from fracsim.run.watcher import SweepWatcher
 from fracsim.sample import schema
 from fracsim.sample.identity import scene_id
-from fracsim.scene.vocab import Scene
+
+
+class Attempts(SweepWatcher):
+    """Keeps the attempts of a sweep."""
+
+    def __init__(self) -> None:
+        self.all: list[Attempt] = []
+
+    def done(self, attempt: Attempt) -> None:
+        """Keep an attempt."""
+        self.all.append(attempt)
 
 
 def retry(folder: Path | str, progress: Progress = silent) -> tuple[int, list[str]]:
     """Run failed and broken draws again; returns how many succeeded, and the name and reason of each other one.
 
-    Raises ValueError for a folder without samples.
+    Raises ValueError for a folder without samples, KeyboardInterrupt after Ctrl-C.
     """
-    from fracsim.run import pipeline  # here, because it needs Taichi
-
     root = folders.root(folder)
     broken = [found.name for found in verify.check(root, progress=progress) if found.kind == "broken"]
-    done, left = 0, []
     files = [*verify.failures(root), *(root / name / schema.SCENE for name in broken)]
-    for path, scene in progress(_scenes(root, files), len(files), "running scenes"):
-        if isinstance(scene, str):
-            left.append(scene)
-            continue
-        outcome = pipeline.run(scene)
-        if not outcome.finished:
-            left.append(f"{path.relative_to(root)}: {outcome.reason}")
-            continue
-        done += 1
-        if path.parent.name == verify.FAILURES:
-            path.unlink()
+    tasks, left = _tasks(root, files)
+    watch = Attempts()
+    summary = sweep.run_all(progress(tasks.values(), len(tasks), "running scenes"), watch)
+    done = _cleared(dict(zip(tasks, watch.all, strict=False)))  # fewer after Ctrl-C
+    left += [f"{a.name}: {a.outcome.reason}" for a in watch.all if not a.outcome.finished]
     if done:
         index.build(root)
+    if summary.interrupted:
+        raise KeyboardInterrupt
     return done, left
 
 
-def _scenes(root: Path, files: list[Path]) -> Iterator[tuple[Path, Scene | str]]:
-    """The scene of each file, to be written to `root`; or why it cannot be run."""
+def _tasks(root: Path, files: list[Path]) -> tuple[dict[Path, Task], list[str]]:
+    """The scene of each file, to be written to `root`; and why the others cannot be run."""
+    tasks, left, tried = {}, [], verify.attempts(root)
     for path in files:
         try:
             scene = schema.load_scene(path)
-            of_sample = path.parent.name != verify.FAILURES
-            if of_sample and scene_id(scene) != path.parent.name:
-                raise ValueError(f"{path} has changed too: delete {path.parent} and repeat the command of its sweep.")
-            yield path, replace(scene, output=replace(scene.output, folder=str(root), overwrite=of_sample))
+            of_sample = path.parent.name != journal.FAILURES
+            name = path.parent.name if of_sample else path.stem
+            if of_sample and scene_id(scene) != name:
+                raise ValueError(f"{path} is not that of its sample: delete the folder and repeat the command of its "
+                                 "sweep.")  # fmt: skip
+            output = replace(scene.output, folder=str(root), overwrite=of_sample)
+            asked = tuple(tried.get(name, {}).get("overrides", ()))
+            tasks[path] = Task(replace(scene, output=output), asked)
         except ValueError as error:
-            yield path, str(error)
+            left.append(f"{path.relative_to(root)}: {error}")
+    return tasks, left
+
+
+def _cleared(attempts: dict[Path, Attempt]) -> int:
+    """Delete the files in failures/ of attempts that succeeded or have failed under their id; count the former.
+
+    The sweep itself deletes and replaces only those that are named by their id.
+    """
+    for path, attempt in attempts.items():
+        elsewhere = attempt.failure and Path(attempt.failure) != path
+        if path.parent.name == journal.FAILURES and (attempt.outcome.finished or elsewhere):
+            path.unlink(missing_ok=True)
+    return sum(attempt.outcome.finished for attempt in attempts.values())
 
 
 def add(subparsers: Any) -> None:

@@ -52,6 +52,8 @@ def _kind(default: Any) -> pa.DataType:
 FIELDS = {name: (_kind(default), knob.doc, knob.unit) for name, default, knob in describe(Scene)
           if name.partition(".")[0] in SECTIONS}  # fmt: skip
 """Fields of a scene that are columns: type, meaning, unit."""
+PINNED = pinned_defaults(Scene)
+"""What a field has that the content of a sample leaves out."""
 COLUMNS = (
     Column("id", TEXT, "hash of the scene, and name of its sample"),
     Column("object", TEXT, "name of the built-in object, or of the file of a mesh or splats"),
@@ -136,13 +138,12 @@ def fingerprint(files: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _values(folder: Path, meta: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a simulated scene; those of another producer are None, unless it gave them as content."""
-    pinned = pinned_defaults(Scene)
     if meta["producer"] != FRACSIM:
-        return {name: meta["content"].get(name) for name in pinned}
+        return {name: meta["content"].get(name) for name in PINNED}
     if meta["schema"] == 1:  # has no content
         scene = schema.load_scene(folder / schema.SCENE)
-        return {name: field_of(scene, name) for name in pinned}
-    return {**pinned, **meta["content"]}
+        return {name: field_of(scene, name) for name in PINNED}
+    return {**PINNED, **meta["content"]}
 
 
 def _object(folder: Path, meta: Mapping[str, Any], values: Mapping[str, Any]) -> str:

@@ -9,7 +9,6 @@ status 1 when something is wrong. DIR may also be the folder of one sample.
 """
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -20,12 +19,9 @@ from fracsim.dataset import folders, index
 from fracsim.dataset.command import command
 from fracsim.dataset.progress import Progress, shown, silent
 from fracsim.dataset.table import VIDEOS, Row, fingerprint, row_of
+from fracsim.run import journal
 from fracsim.sample import schema, verify
 
-JOURNAL = "sweep.jsonl"
-"""Journal of a sweep: one line of JSON an attempt, with id, status and reason."""
-FAILURES = "failures"
-"""Folder of the scenes that failed, one YAML file each."""
 KINDS = ("missing", "failed", "broken", "incomplete", "duplicate", "table", "suspect")
 HARMLESS = ("suspect",)
 """Kinds of findings that are not wrong."""
@@ -63,30 +59,19 @@ def check(folder: Path | str, planned: Iterable[str] = (), progress: Progress = 
     if (root / schema.META).is_file():
         return list(_of_samples([_checked(root)]))
     names = sorted({name for name, _ in folders.finished(root)} | set(folders.headless(root)))
-    journal = attempts(root)
-    if not (names or journal or folders.unfinished(root)):
+    tried = attempts(root)
+    if not (names or tried or folders.unfinished(root)):
         raise ValueError(f"{root} holds no samples: give a folder that a sweep has written to.")
     with ThreadPoolExecutor() as pool:  # hashing lets other threads run
         checked = list(progress(pool.map(lambda name: _checked(root / name), names), len(names), "hashing samples"))
-    found = [*_absent(root, names, journal, planned), *_of_samples(checked), *_leftovers(root, names),
+    found = [*_absent(root, names, tried, planned), *_of_samples(checked), *_leftovers(root, names),
              *_of_table(root, checked)]  # fmt: skip
     return sorted(found, key=lambda finding: KINDS.index(finding.kind))
 
 
 def attempts(root: Path) -> dict[str, dict[str, Any]]:
-    """The last attempt at each id in the journal of the sweep; a line that was cut off is left out."""
-    last: dict[str, dict[str, Any]] = {}
-    try:
-        lines = (root / JOURNAL).read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        return last
-    for line in lines:
-        try:
-            entry = json.loads(line)
-            last[entry["id"]] = entry
-        except (ValueError, KeyError, TypeError):
-            continue
-    return {name: entry for name, entry in last.items() if name}
+    """The last attempt at each id in the journal of the sweep."""
+    return {entry["id"]: entry for entry in journal.read(root) if isinstance(entry, dict) and entry.get("id")}
 
 
 def _checked(path: Path) -> Checked:
@@ -127,24 +112,24 @@ def _of_samples(checked: Iterable[Checked]) -> Iterator[Finding]:
 
 
 def _absent(
-    root: Path, names: Iterable[str], journal: Mapping[str, Mapping[str, Any]], planned: Iterable[str]
+    root: Path, names: Iterable[str], tried: Mapping[str, Mapping[str, Any]], planned: Iterable[str]
 ) -> Iterator[Finding]:
     """What was planned, tried or finished and is not there."""
     there = set(names)
-    for name, entry in journal.items():
+    for name, entry in tried.items():
         if name not in there and entry["status"] in ("failed", "interrupted"):
             yield Finding("failed", name, str(entry.get("reason", "")) or str(entry["status"]))
         elif name not in there:
-            yield Finding("missing", name, f"{JOURNAL} says {entry['status']}, but there is no such folder")
-    for name in sorted({path.stem for path in failures(root)} - there - journal.keys()):
-        yield Finding("failed", name, f"its scene is {FAILURES}/{name}.yaml")
-    for name in sorted(set(planned) - there - journal.keys()):
+            yield Finding("missing", name, f"{journal.JOURNAL} says {entry['status']}, but there is no such folder")
+    for name in sorted({path.stem for path in failures(root)} - there - tried.keys()):
+        yield Finding("failed", name, f"its scene is {journal.FAILURES}/{name}.yaml")
+    for name in sorted(set(planned) - there - tried.keys()):
         yield Finding("missing", name, "planned, but never tried")
 
 
 def failures(root: Path) -> list[Path]:
     """The scenes of failed draws."""
-    return sorted((root / FAILURES).glob("*.yaml"))
+    return sorted((root / journal.FAILURES).glob("*.yaml"))
 
 
 def _leftovers(root: Path, names: Iterable[str]) -> Iterator[Finding]:
