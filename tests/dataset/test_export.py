@@ -169,7 +169,9 @@ def test_more_clips_give_the_shards_of_all(clips: Path, shards: Path, tmp_path: 
         assert {name.partition(".")[2] for name in tar.getnames()} == {"damage.mkv", "document.yaml", "meta.json"}
 
 
-def test_verify_finds_what_is_wrong(clips: Path, shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_finds_what_is_wrong(
+    clips: Path, shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     shutil.copytree(shards, out)
     assert export(clips, out, "--verify") == 0

@@ -177,7 +177,9 @@ def test_killed_and_continued_gives_the_same_bytes(clips: Path, packed: Path, tm
     assert contents(tmp_path) == contents(packed)
 
 
-def test_verify_finds_what_is_wrong(clips: Path, packed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_finds_what_is_wrong(
+    clips: Path, packed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     shutil.copytree(packed, out)
     first, second, *_ = sorted(path.parent for path in out.glob("*/meta.json"))

@@ -136,7 +136,9 @@ def rows(clips: Clips, copy: Path, rounds: int) -> Iterator[Row]:
                          most=SLOWER if name == "archive" else None)  # fmt: skip
     for name, speed in found.items():
         alone, least = [1 / s for s in speed.seconds], PACKED if name == "packed" else None
-        yield Row(f"speed: {WHAT}", f"{READERS[name]}, one process", statistics.median(alone), "clips/s", best=max(alone))
+        yield Row(
+            f"speed: {WHAT}", f"{READERS[name]}, one process", statistics.median(alone), "clips/s", best=max(alone)
+        )
         yield Row(f"speed: {WHAT}", f"{READERS[name]}, two processes", statistics.median(speed.rate), "clips/s",
                   least=least, best=max(speed.rate))  # fmt: skip
         yield Row(f"speed: {WHAT}", f"{READERS[name]}, two cores of their own, from the processor time",

@@ -13,15 +13,14 @@ from typing import Any
 
 from fracsim.dataset import pack, webdataset_shards
 from fracsim.dataset.choice import Summary
+from fracsim.dataset.command import command
 from fracsim.dataset.progress import shown
 from fracsim.dataset.reader import Clips, open
 
 
 def add(subparsers: Any) -> None:
     """The command `export`."""
-    parser = subparsers.add_parser("export", help="copy into tar shards, or for fast reading", description=__doc__,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("folder", metavar="DIR", help="folder of the data set")
+    parser = command(subparsers, "export", "copy into tar shards, or for fast reading", __doc__, run)
     parser.add_argument("--to", required=True, choices=("webdataset", "pack"), help="format of the copy")
     parser.add_argument("out", metavar="OUT", type=Path, help="folder of the copy")
     parser.add_argument("--only", type=_names, default=(), metavar="A,B", help="of rgb, alpha, tracks and the maps")
@@ -30,7 +29,6 @@ def add(subparsers: Any) -> None:
     parser.add_argument("--size", type=int, metavar="PX", help="width of the pictures of a packed copy [px]")
     parser.add_argument("--processes", type=int, default=1, metavar="N", help="that make a packed copy (1)")
     parser.add_argument("--verify", action="store_true", help="check OUT and write nothing; status 1 when it is wrong")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -36,7 +36,7 @@ class Member:
 
     name: str
     sha256: str
-    bytes: int
+    size: int
     path: Path | None = None
     """Where it lies; None = `content` has it."""
     content: bytes = b""
@@ -125,7 +125,7 @@ def _groups(clips: Iterable[Clip], fields: Sequence[str], most: int) -> Iterator
     filled = 0
     for clip in sorted(clips, key=lambda clip: str(clip.row["id"])):
         members = list(_members(clip, fields))
-        size = sum(_padded(tarfile.BLOCKSIZE + m.bytes, tarfile.BLOCKSIZE) for m in members)
+        size = sum(_padded(tarfile.BLOCKSIZE + m.size, tarfile.BLOCKSIZE) for m in members)
         if _whole(size) > most:
             raise ValueError(f"--shard-bytes {most} is too small for clip {clip.row['id']}, which takes {_whole(size)} "
                              "bytes: give more, or leave fields out with --only.")  # fmt: skip
@@ -200,7 +200,7 @@ def _write(shard: Shard, out: Path) -> dict[str, Any]:
             with tarfile.open(fileobj=hashing, mode="w|", format=tarfile.USTAR_FORMAT) as tar:
                 for member in shard.members:
                     info = tarfile.TarInfo(member.name)  # its time, owner and mode are those of no machine
-                    info.size = member.bytes
+                    info.size = member.size
                     tar.addfile(info, io.BytesIO(member.data()))
         os.replace(partial, out / shard.name)
     finally:

@@ -64,7 +64,7 @@ def _store(frame: av.VideoFrame, out: Array) -> None:
     assert frame.format.name == ("bgr0" if out.ndim == 3 else "gray16le"), frame.format.name
     height, width = out.shape[:2]
     plane = frame.planes[0]
-    lines = np.frombuffer(plane, out.dtype).reshape(height, plane.line_size // out.itemsize)
+    lines = np.frombuffer(memoryview(plane), out.dtype).reshape(height, plane.line_size // out.itemsize)
     if out.ndim == 2:
         out[:] = lines[:, :width]
         return

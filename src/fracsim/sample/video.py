@@ -124,7 +124,7 @@ def _decode(path: Path, out: Array, start: int, codec: str) -> int:
         stream.close()  # ffmpeg must not wait for a reader
         process.wait()
         errors.seek(0)
-        return min(received // out[0].nbytes, _intact(errors.read()))
+        return min(int(received // out[0].nbytes), _intact(errors.read()))
 
 
 def count(path: Path) -> int:
