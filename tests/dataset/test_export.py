@@ -26,7 +26,7 @@ from . import tiny
 COUNT = 12
 FIELDS = ("rgb.mkv", "alpha.mkv", "flow.mkv", "strain.mkv", "stress.mkv", "damage.mkv", "tracks.npz", "document.yaml",
           "meta.json")  # fmt: skip
-SHARD = "200_000"
+SHARD = "300_000"
 """Bytes for about two clips."""
 
 
@@ -185,6 +185,32 @@ def test_verify_finds_what_is_wrong(
     assert capsys.readouterr().out.splitlines() == [f"{first.name} is missing",
                                                     f"{second.name} has changed since it was written"]  # fmt: skip
     assert export(clips, tmp_path / "empty", "--verify") == 1
+
+
+FULL = """
+import resource, sys
+from fracsim.dataset.__main__ import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
+@pytest.mark.parametrize("most", [1_000, 30_000, 170_000])
+@pytest.mark.parametrize("form", ["webdataset", "pack"])
+def test_a_full_disk(clips: Path, tmp_path: Path, form: str, most: int) -> None:
+    """One error that names OUT; no part of a shard or of a clip is left, and what is there is whole."""
+    fracsim.dataset.open(clips)  # makes the table
+    words = ["export", str(clips), "--to", form, str(tmp_path), "--shard-bytes", SHARD]
+    failed = subprocess.run([sys.executable, "-c", FULL, str(most), *words], env=environment(), capture_output=True,
+                            text=True)  # fmt: skip
+    if form == "webdataset" or most < 30_000:
+        assert failed.returncode == 2
+        assert failed.stderr.startswith(f"error: OUT={tmp_path} cannot be written to (")
+    assert len(failed.stderr.splitlines()) <= 1
+    assert not list(tmp_path.glob("*partial*"))
+    assert main(words) == 0
+    assert main([*words, "--verify"]) == 0
 
 
 def test_a_damaged_sample_stops_it_and_leaves_no_part(clips: Path, tmp_path: Path,

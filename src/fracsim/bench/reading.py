@@ -62,7 +62,7 @@ def by_pyav(clip: Clip, start: int) -> None:
 def by_us(clip: Clip, start: int) -> None:
     """Read the same in physical units."""
     for what in ("rgb", *clip.sample.meta["maps"]):
-        clip.read(what, start, start + LENGTH)
+        clip.read(what, start, min(start + LENGTH, clip.row["frames"]))
 
 
 def measure(clips: list[Clip], read: Callable[[Clip, int], None], rng: np.random.Generator) -> Answer:
@@ -70,7 +70,7 @@ def measure(clips: list[Clip], read: Callable[[Clip, int], None], rng: np.random
     begin, spent = time.perf_counter(), sum(os.times()[:4])
     for _ in range(READS):
         clip = clips[rng.integers(len(clips))]
-        read(clip, int(rng.integers(clip.row["frames"] - LENGTH + 1)))
+        read(clip, int(rng.integers(max(clip.row["frames"] - LENGTH, 0) + 1)))
     return {"seconds": time.perf_counter() - begin, "busy": sum(os.times()[:4]) - spent}
 
 

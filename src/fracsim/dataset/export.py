@@ -42,7 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
         problems = check(clips, out, shown)
         print("\n".join(problems) or "all as it was written")
         return int(bool(problems))
-    done = _export(clips, out, arguments)
+    try:
+        done = _export(clips, out, arguments)
+    except OSError as error:
+        raise OSError(f"OUT={out} cannot be written to ({error}). What was finished there stays: free some space or "
+                      "give another folder, then repeat the command.") from None  # fmt: skip
     what, megabytes = "shards" if arguments.to == "webdataset" else "clips", done.bytes / 1e6
     print(f"{len(clips)} clips in {out}, {megabytes:,.1f} MB: {done.made} {what} written, {done.kept} were there")
     return 0

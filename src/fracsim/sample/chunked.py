@@ -33,17 +33,27 @@ def library() -> ModuleType:
 
 
 def write(path: Path, frames: Array, about: dict[str, Any]) -> None:
-    """Write frames (T, ...) of uint8 or uint16, with `about` as metadata of the file."""
+    """Write frames (T, ...) of uint8 or uint16, with `about` as metadata of the file.
+
+    Reads them again, since blosc2 does not notice each full disk. Raises OSError when they cannot be written.
+    """
     blosc2 = library()
     # Bytes of uint16 are sorted by significance. Colour is better off as it is: sorting takes longer than decoding.
     sort = blosc2.Filter.SHUFFLE if frames.itemsize > 1 else blosc2.Filter.NOFILTER
     # One thread: others would store the blocks of a chunk in the order in which they happen to end.
     settings = blosc2.CParams(codec=blosc2.Codec.ZSTD, clevel=LEVEL, filters=[sort], nthreads=1)
     chunk = (1, *frames.shape[1:])
-    stored = blosc2.asarray(np.ascontiguousarray(frames), chunks=chunk, blocks=chunk, cparams=settings,
-                            urlpath=str(path), mode="w")  # fmt: skip
-    for name, value in about.items():
-        stored.schunk.vlmeta[name] = value
+    try:
+        stored = blosc2.asarray(np.ascontiguousarray(frames), chunks=chunk, blocks=chunk, cparams=settings,
+                                urlpath=str(path), mode="w")  # fmt: skip
+        for name, value in about.items():
+            stored.schunk.vlmeta[name] = value
+        there = blosc2.open(str(path), mode="r")
+        whole = there.schunk.vlmeta.getall() == about and (read(path, 0, len(frames)) == frames).all()
+    except (RuntimeError, ValueError) as error:
+        raise OSError(f"{path} cannot be written: {error}") from None
+    if not whole:
+        raise OSError(f"{path} cannot be written: it does not hold what was put there")
 
 
 def read(path: Path, start: int, stop: int) -> Array:

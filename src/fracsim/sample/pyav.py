@@ -3,6 +3,7 @@
 libavcodec hides a damaged slice behind the last frame, so the checksums of FFV1 are compared here.
 """
 
+import os
 import zlib
 from pathlib import Path
 
@@ -17,6 +18,10 @@ _MIRROR = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Each byte with its bits in reverse: zlib takes the lowest bit first, FFV1 the highest."""
 
 
+SLICES = 4
+"""Parts of a picture that the encoder made, each of which a thread can decode."""
+
+
 def decode(path: Path, out: Array, start: int, fps: int) -> int | None:
     """Fill `out`, [T, H, W, 3] uint8 or [T, H, W] uint16, with frames from `start` on, and return how many are whole.
 
@@ -29,6 +34,7 @@ def decode(path: Path, out: Array, start: int, fps: int) -> int | None:
             if stream.codec_context.name != "ffv1":
                 return None
             stream.thread_type = "SLICE"  # a thread a frame would decode frames behind the last one
+            stream.codec_context.thread_count = min(SLICES, os.cpu_count() or 1)
             tick = float(stream.time_base or 0)
             if start:
                 container.seek(round(start / fps / tick), stream=stream)
