@@ -232,6 +232,18 @@ def test_sizes_that_do_not_fit(clips: Path, tmp_path: Path, capsys: pytest.Captu
     assert not list(tmp_path.iterdir())
 
 
+def test_without_blosc2(clips: Path, packed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                        capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    """The table of a packed copy is read all the same."""
+    monkeypatch.setitem(sys.modules, "blosc2", None)
+    assert pack(clips, tmp_path) == 2
+    assert "pip install 'fracsim[formats]'" in capsys.readouterr().err
+    copies = fracsim.dataset.open(packed)
+    assert len(copies) == COUNT
+    with pytest.raises(ValueError, match="packed samples need blosc2"):
+        copies[0].read("rgb", 0, 1)
+
+
 def test_the_data_set_itself_is_no_place_for_a_copy(clips: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert pack(clips, clips) == 2
     assert "is the data set itself" in capsys.readouterr().err
