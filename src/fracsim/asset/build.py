@@ -14,7 +14,8 @@ def build(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles `spacing` [m] apart of an object whose largest extent is asset.size, its box centred at CENTRE.
 
     y is up, as in glTF; an OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0]. `seed` is for the
-    grain inside meshes and splats. Raises ValueError naming the field, the value and the way out for an object
+    grain inside meshes and splats; above 0 it also shifts the particles of objects other than splats
+    (`fracsim.asset.twin`). Raises ValueError naming the field, the value and the way out for an object
     that cannot be used or needs more than asset.max_particles.
     """
     limits.check(asset, spacing)

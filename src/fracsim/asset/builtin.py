@@ -7,6 +7,7 @@ import numpy as np
 
 from fracsim import registry
 from fracsim.asset import fill, gaussians, implicit, limits, place
+from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -15,12 +16,12 @@ DIFFERENCE = 0.2
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles of the built-in object asset.name, independent of `seed`; raises ValueError for an unknown name."""
+    """Particles of the built-in object asset.name; raises ValueError for an unknown name."""
     module = registry.load("fracsim.asset.objects", asset.name, "asset.name")
-    return of_module(module, asset, spacing)
+    return of_module(module, asset, spacing, seed)
 
 
-def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
+def of_module(module: ModuleType, asset: Asset, spacing: float, seed: int = 0) -> Particles:
     """Particles at `spacing` [m] of an object with `distance`, `colour` and `BOUNDS`; raises ValueError if too many."""
     R = place.rotation(asset.rotate_deg)
     placement, lo, hi = _placed(module, asset, R)
@@ -30,7 +31,8 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
         return d
 
     limits.estimate(asset, spacing, *implicit.measure(field, lo, hi), (lo, hi))
-    filling = fill.fill(implicit.Implicit(field, lo, hi, DIFFERENCE * spacing), spacing)
+    solid = implicit.Implicit(field, lo, hi, DIFFERENCE * spacing)
+    filling = fill.fill(twin(solid, spacing, seed), spacing)
 
     def colour(P: Array, depth: Array) -> Array:
         at = placement.to_object(P).astype(np.float32), (depth / placement.scale).astype(np.float32)

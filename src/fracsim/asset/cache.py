@@ -37,10 +37,8 @@ def folder() -> Path:
 
 
 def key(asset: Asset, spacing: float, seed: int) -> str:
-    """The sha256 in hex of what the particles of an object follow from; a built-in object does not use `seed`."""
-    told = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing)}
-    if asset.kind != "builtin":
-        told["seed"] = seed
+    """The sha256 in hex of what the particles of an object follow from."""
+    told = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
     digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     files = sorted(Path(__file__).parent.rglob("*.py"))
     if asset.kind != "builtin":

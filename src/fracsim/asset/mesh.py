@@ -19,6 +19,7 @@ from fracsim.asset import fill, gaussians, limits, paint, place, surface, weld
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
 from fracsim.asset.surface import Surface
+from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -33,7 +34,7 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     skin = _placed(surface.read(asset.path), asset)
     solid = MeshSolid(skin, spacing)
     limits.estimate(asset, spacing, *solid.mesh.rough, solid.bounds)
-    filling = fill.fill(solid, spacing)
+    filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(skin, spacing)), spacing)
     if not len(filling.X):
         raise ValueError(
             f"asset.path={asset.path} encloses no volume: a solid needs a closed, or nearly closed, surface. "
