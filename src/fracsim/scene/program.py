@@ -78,7 +78,7 @@ class Program(Generic[T]):
 
         lines = (self.folder / f"{self.primary}.yaml").read_text(encoding="utf-8").splitlines()
         about = "\n".join(line[2:] for line in takewhile(lambda line: line.startswith("#"), lines))
-        values = OmegaConf.to_container(self._composed(()), resolve=True)
+        values = OmegaConf.to_container(self.composed(()), resolve=True)
         return manual(about, self.noun, self.groups, self.config, values)
 
     def compose(self, *overrides: str) -> T:
@@ -86,7 +86,7 @@ class Program(Generic[T]):
 
         Raises ValueError naming the override that cannot be used.
         """
-        return self.resolve(self._composed(overrides), overrides)
+        return self.resolve(self.composed(overrides), overrides)
 
     def resolve(self, cfg: Any, overrides: Sequence[str] = ()) -> T:
         """The validated object of a configuration composed with `overrides`; `draw` and `space` are used up.
@@ -112,8 +112,8 @@ class Program(Generic[T]):
         """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
         return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
 
-    def _composed(self, overrides: Sequence[str]) -> Any:
-        """The configuration as Hydra composes it; raises ValueError."""
+    def composed(self, overrides: Sequence[str], *, hydra: bool = False) -> Any:
+        """The configuration as Hydra composes it, with Hydra's own part on request; raises ValueError."""
         from hydra import compose, initialize_config_dir
         from hydra.errors import HydraException
 
@@ -121,7 +121,7 @@ class Program(Generic[T]):
             self.register()
             with initialize_config_dir(str(self.folder), version_base="1.3"):
                 try:
-                    return compose(self.primary, overrides=list(overrides))
+                    return compose(self.primary, overrides=list(overrides), return_hydra_config=hydra)
                 except (HydraException, ValueError) as error:
                     raise ValueError(self.explain(error, overrides)) from None
 
