@@ -14,7 +14,7 @@ _started: Backend | None = None
 def start(backend: Backend) -> None:
     """Start Taichi once a process; a second call for the same arch does nothing.
 
-    Raises RuntimeError when the backend is not available here, or another arch is already running.
+    Raises RuntimeError if this machine lacks the backend, or if Taichi already runs on another arch.
     """
     global _started
     if _started is not None:
@@ -26,7 +26,7 @@ def start(backend: Backend) -> None:
     _require(backend.arch)
     import taichi as ti
 
-    with redirect_stdout(io.StringIO()):  # it has no option that keeps it from greeting
+    with redirect_stdout(io.StringIO()):  # Taichi has no option that suppresses its greeting
         ti.init(
             arch=getattr(ti, backend.arch),
             default_fp=ti.f32,
@@ -38,13 +38,13 @@ def start(backend: Backend) -> None:
 
 
 def threads(backend: Backend) -> int:
-    """Number of CPU threads in use: those asked for, at most those this process may use."""
+    """Number of CPU threads in use: `backend.threads`, 0 for all, at most the cores that this process may use."""
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
     return min(backend.threads, available) if backend.threads else available
 
 
 def has_doubles(backend: Backend) -> bool:
-    """Whether a backend computes in float64; Vulkan lacks its functions, Metal lacks it altogether."""
+    """Whether a backend computes in float64. Vulkan has the type but not its functions, Metal has neither."""
     return backend.arch in ("cpu", "cuda")
 
 
@@ -60,7 +60,7 @@ def on_cpu() -> bool:
 
 @cache
 def _require(arch: str) -> None:
-    """Raise RuntimeError when Taichi cannot run on `arch` here; it would fall back to the CPU silently."""
+    """Raise RuntimeError if Taichi cannot run on `arch` here: Taichi itself would silently fall back to the CPU."""
     import taichi as ti
 
     ti.set_logging_level(ti.ERROR)

@@ -105,7 +105,7 @@ def framing(
     width: int,
     height: int,
 ) -> View:
-    """The view that just holds a rectangle of half sizes [m] around `centre` [m] facing the camera.
+    """The view that just holds a rectangle of half sizes [m] around `centre` [m], (3,), facing the camera.
 
     `fov_deg` is the vertical field of view. At azimuth and elevation 0 the camera looks along -z with y up; azimuth
     turns it counter-clockwise seen from above, elevation lifts it. What stands nearer than the rectangle looks larger
@@ -119,7 +119,7 @@ def framing(
     # The derivative of towards_eye by elevation: up, also straight above and below.
     up = np.array([-math.sin(azimuth) * sin, cos, -math.cos(azimuth) * sin])
     eye = np.asarray(centre) + distance * towards_eye
-    return look_at(eye, centre, up, focal, focal, width / 2, height / 2, width, height)
+    return look_at(eye, centre, up, fx=focal, fy=focal, cx=width / 2, cy=height / 2, width=width, height=height)
 
 
 def view_of(scene: Scene) -> View:

@@ -1,4 +1,4 @@
-"""Names in a configuration become modules: one file a law, a map, an object."""
+"""Turns names of a configuration into modules: one file for each law, map and object."""
 
 from difflib import get_close_matches
 from importlib import import_module
@@ -8,9 +8,9 @@ from types import ModuleType
 
 
 def names(package: str) -> tuple[str, ...]:
-    """The plug-ins of a package, as `fracsim.damage`, sorted; neither the package nor a plug-in is imported.
+    """Names of the modules of a package such as `fracsim.damage`, sorted. Imports neither the package nor a module.
 
-    Raises ModuleNotFoundError when there is no such package.
+    Raises ModuleNotFoundError for an unknown package.
     """
     spec = find_spec(package)
     if spec is None:
@@ -19,7 +19,7 @@ def names(package: str) -> tuple[str, ...]:
 
 
 def check(package: str, name: str, field: str) -> None:
-    """Raise ValueError naming `field` and the known names when `package` has no module `name`."""
+    """Raise ValueError, with `field` and the known names, if `package` has no module `name`."""
     known = names(package)
     if name not in known:
         near = get_close_matches(name, known, n=1)
@@ -28,6 +28,6 @@ def check(package: str, name: str, field: str) -> None:
 
 
 def load(package: str, name: str, field: str) -> ModuleType:
-    """The module `name` of `package`; raises ValueError naming `field` and the known names when there is none."""
+    """The module `name` of `package`. Raises ValueError, with `field` and the known names, if there is none."""
     check(package, name, field)
     return import_module(f"{package}.{name}")

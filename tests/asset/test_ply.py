@@ -160,7 +160,7 @@ def test_cells_share_their_volume():
     inside[1:4, 2, 2] = True
     body = enclose.Body(inside, np.zeros_like(inside), np.zeros(inside.shape), 0)
     X = np.array([[1.0, 2, 2], [1.2, 2, 2], [2.1, 2, 2]])
-    assert np.allclose(body.shared(X, axes, 0.02), [0.5, 0.5, 2.0])
+    assert np.allclose(body.volumes(X, axes, 0.02), [0.5, 0.5, 2.0])
 
 
 def test_a_mesh_is_not_a_checkpoint(tmp_path):

@@ -27,9 +27,9 @@ def kernel(name: str) -> Any:
     @ti.kernel
     def evaluate(mu: ti.f64, lam: ti.f64, F: M, P: M, out: ti.types.ndarray(dtype=ti.f64, ndim=2)):
         for p in range(F.shape[0]):
-            K = cofactor(F[p])
-            J = volume_ratio(F[p], K)
-            P[p] = law.piola(F[p], K, J, J, mu, lam)
+            cof = cofactor(F[p])
+            J = volume_ratio(F[p], cof)
+            P[p] = law.piola(F[p], cof, J, J, mu, lam)
             l = principal_stretches(F[p])
             out[p, 0] = law.psi(F[p], J, mu, lam)
             out[p, 1] = law.bound_total(l, J, J, mu, lam)

@@ -55,7 +55,7 @@ def test_damage_history_is_a_running_maximum(form: str) -> None:
     s = scene(material=Material(E=1e2, nu=0.3), fracture=damage_history.THRESHOLDS, solver=solver)
     state = free(s, particles(lattice((0.6, 0.3, 0.3), solver.spacing), solver.spacing))
     exact = np.tile(damage_history.EXACT, (state.n, 1)).T
-    assert damage_history.suffered(state) == pytest.approx(exact, abs=1e-6)
+    assert damage_history.damage_after_each(state) == pytest.approx(exact, abs=1e-6)
 
 
 def test_degraded_stress_and_its_energy() -> None:

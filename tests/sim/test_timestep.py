@@ -128,3 +128,13 @@ def test_double_precision_is_refused_where_there_is_none() -> None:
     s.backend.arch = "vulkan"
     with pytest.raises(ValueError, match=r"solver\.precision=float64 is not possible with backend\.arch=vulkan"):
         ready(s)
+
+
+def test_a_damping_that_no_substep_bears_is_refused() -> None:
+    """r = 4 viscosity dt0 / (density h0^2) = 2 at 177.8 Pa s; 2 - r is what keeps the bound above zero."""
+    s = setting(viscosity=180.0, damping="per_substep")
+    with pytest.raises(
+        ValueError, match=r"material\.viscosity=180 Pa s is an RPIC damping of r = 2\.0.*below 178 Pa s"
+    ):
+        ready(s)
+    assert ready(setting(viscosity=170.0, damping="per_substep")).warnings == []

@@ -1,4 +1,4 @@
-"""From an asset's description to particles, prepared once and then read from the cache."""
+"""From the description of an object to its particles: prepared once, then read from the cache."""
 
 from importlib import import_module
 
@@ -11,12 +11,12 @@ MODULES = {"builtin": "fracsim.asset.builtin", "mesh": "fracsim.asset.mesh", "pl
 
 
 def build(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles `spacing` [m] apart of an object whose largest extent is asset.size, its box centred at CENTRE.
+    """Particles `spacing` [m] apart of an object with largest extent asset.size [m], bounding box centred at CENTRE.
 
-    y is up, as in glTF; an OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0]. `seed` is for the
-    grain inside meshes and splats; above 0 it also shifts the particles of objects other than splats
-    (`fracsim.asset.twin`). Raises ValueError naming the field, the value and the way out for an object
-    that cannot be used or needs more than asset.max_particles.
+    y is up, as in glTF. An OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0]. `seed` is for the grain
+    inside meshes and splats; above 0 it also shifts the particles of all objects but splats (`fracsim.asset.twin`).
+    Raises ValueError, with the field, the value and the way out, for an object that cannot be used or needs more than
+    asset.max_particles.
     """
     limits.check(asset, spacing)
     key = cache.key(asset, spacing, seed)

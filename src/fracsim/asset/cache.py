@@ -1,7 +1,7 @@
-"""Prepared objects on disk: an object is filled once and shared by all runs that ask for the same one.
+"""Prepared objects on disk: an object is filled once and shared by all runs that use it.
 
-The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of all that
-the particles follow from, the sources of this package included; the files may be deleted at any time.
+The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of all inputs
+of the particles, the sources of this package included. The files may be deleted at any time.
 """
 
 import contextlib
@@ -25,11 +25,11 @@ USED = {
     "mesh": ("kind", "size", "rotate_deg", "interior"),
     "ply": ("kind", "size", "rotate_deg", "interior", "opacity_threshold"),
 }
-"""The fields of Asset that the particles of each kind follow from, beside the contents of asset.path."""
+"""The fields of Asset that determine the particles of each kind, together with the contents of asset.path."""
 
 
 def folder() -> Path:
-    """Where prepared objects are kept."""
+    """The folder of prepared objects."""
     given = os.environ.get("FRACSIM_CACHE")
     if given:
         return Path(given).expanduser()
@@ -37,12 +37,12 @@ def folder() -> Path:
 
 
 def key(asset: Asset, spacing: float, seed: int) -> str:
-    """The sha256 in hex of what the particles of an object follow from."""
-    told = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
-    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    """The sha256, in hex, of all inputs of the particles of an object."""
+    inputs = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
+    digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode())
     files = sorted(Path(__file__).parent.rglob("*.py"))
     if asset.kind != "builtin":
-        files += parts(Path(asset.path))
+        files += files_of(Path(asset.path))
     for file in files:
         with file.open("rb") as stream:
             content = hashlib.sha256()
@@ -52,8 +52,8 @@ def key(asset: Asset, spacing: float, seed: int) -> str:
     return digest.hexdigest()
 
 
-def parts(path: Path) -> list[Path]:
-    """A mesh file and those it names that are there: buffers and textures of glTF, materials and maps of OBJ."""
+def files_of(path: Path) -> list[Path]:
+    """A mesh file and the existing files it refers to: buffers and textures of glTF, materials and maps of OBJ."""
     found, todo = [], [path]
     while todo:
         file = todo.pop()
@@ -64,7 +64,7 @@ def parts(path: Path) -> list[Path]:
 
 
 def _named(file: Path) -> list[str]:
-    """File names in a glTF, OBJ or MTL file."""
+    """File names that a glTF, OBJ or MTL file refers to."""
     kind = file.suffix.lower()
     if kind == ".gltf":
         with contextlib.suppress(ValueError, AttributeError):
@@ -74,13 +74,13 @@ def _named(file: Path) -> list[str]:
     if kind in (".obj", ".mtl"):
         lines = (line.strip().partition(" ") for line in file.read_text(errors="replace").splitlines())
         named = [rest.strip() for word, _, rest in lines if word.lower().startswith(("mtllib", "map_"))]
-        # A map may have options before its name.
+        # Options may stand before the name of a map.
         return [name for rest in named for name in (rest, rest.split()[-1] if rest else "")]
     return []
 
 
 def load(name: str) -> Particles | None:
-    """The particles stored under a key; None when they are not there, or not whole."""
+    """The particles stored under a key; None if the file is missing or damaged."""
     try:
         with np.load(folder() / f"{name}.npz", allow_pickle=False) as file:
             values = {f.name: file[f.name] for f in fields(Particles)}
@@ -92,16 +92,16 @@ def load(name: str) -> Particles | None:
 
 
 def store(name: str, particles: Particles) -> None:
-    """Keeps particles under a key: written beside and renamed, so that a reader never meets half a file."""
+    """Store particles under a key. Written to a temporary file and renamed, so that no reader sees half a file."""
     target = folder() / f"{name}.npz"
-    half = target.with_name(f".{name}.{os.getpid()}.{uuid.uuid4().hex}.npz")
+    temporary = target.with_name(f".{name}.{os.getpid()}.{uuid.uuid4().hex}.npz")
     values = {f.name: getattr(particles, f.name) for f in fields(Particles)}
     values["notes"] = np.array(particles.notes, dtype=np.str_)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(half, **values)
-        half.replace(target)
+        np.savez(temporary, **values)
+        temporary.replace(target)
     except OSError as error:
         with contextlib.suppress(OSError):
-            half.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
         warnings.warn(f"The prepared object is not kept in {folder()}: {error}. Set FRACSIM_CACHE.", stacklevel=2)

@@ -1,4 +1,4 @@
-"""What a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner."""
+"""The body that a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from fracsim.asset.ply import Gaussians
 from fracsim.records import Array
 
 OPAQUE = 0.1
-"""Sum of opacities from which a cell counts as occupied."""
+"""Least sum of opacities of an occupied cell."""
 WIDEST_GAP = 4
 """Gaps in the shell are closed up to twice this many cells."""
 NEIGHBOURS = np.ones((3, 3, 3), bool)
@@ -23,16 +23,17 @@ class Body:
     inside: Array
     """Whether a cell belongs to it, (nx, ny, nz) bool."""
     shell: Array
-    """Whether the surface passes through the cell: half of such a cell is taken to be inside."""
+    """Whether the surface passes through the cell, (nx, ny, nz) bool. Half of such a cell counts as inside."""
     depth: Array
-    """Distance below the surface, in cells."""
+    """Distance below the surface [cells], (nx, ny, nz)."""
     gaps: int
     """Cells by which the shell had to be thickened to be closed."""
 
-    def shared(self, X: Array, axes: list[Array], least: float) -> Array:
-        """Volumes (N,), in cells, of particles X (N, 3): what lies in a cell shares its volume, else what is nearest.
+    def volumes(self, X: Array, axes: list[Array], least: float) -> Array:
+        """Volumes [cells], (N,), of particles at X (N, 3) [m], on the lattice of three coordinate arrays.
 
-        None is far below `least`; they sum to the volume of the body.
+        The particles in a cell share its volume. A cell without particles gives its volume to the nearest particle.
+        The volumes are then raised to `least` and scaled to sum to the volume of the body.
         """
         content = np.where(self.shell, 0.5, 1.0) * self.inside
         cell = np.ravel_multi_index(_cells(X, axes), self.inside.shape)
@@ -48,7 +49,10 @@ class Body:
 
 
 def enclose(trained: Gaussians, axes: list[Array], spacing: float) -> Body:
-    """The body that Gaussians in the world [m] enclose, of cells centred on a lattice of pitch `spacing` [m]."""
+    """The body that Gaussians in the world [m] enclose.
+
+    Its cells are centred on the lattice of three coordinate arrays, (nx,), (ny,) and (nz,), of pitch `spacing` [m].
+    """
     occupied = _occupied(trained, axes, spacing)
     closed = [_closed(occupied, reach) for reach in range(WIDEST_GAP + 1)]
     sizes = np.array([c.sum() for c in closed])
@@ -61,28 +65,34 @@ def enclose(trained: Gaussians, axes: list[Array], spacing: float) -> Body:
 
 
 def _occupied(trained: Gaussians, axes: list[Array], spacing: float) -> Array:
-    """Cells whose opacities sum to OPAQUE; a wide Gaussian counts over the disc of its two longer axes."""
+    """Whether the opacities in a cell sum to OPAQUE, (nx, ny, nz) bool.
+
+    A wide Gaussian counts in all cells of the disc of its two longer axes.
+    """
     density = np.zeros([len(a) for a in axes])
-    variances, frames = np.linalg.eigh(trained.covariance)
+    variances, vectors = np.linalg.eigh(trained.covariance)
     wide = np.sqrt(variances[:, 2]) > 0.5 * spacing
     np.add.at(density, _cells(trained.means, axes), trained.opacity)
     for radius, count in ((0.5, 6), (1.0, 12)):
         for angle in 2 * np.pi * np.arange(count) / count:
             shift = radius * np.sqrt(variances[wide]) * np.array([0.0, np.cos(angle), np.sin(angle)])
-            P = trained.means[wide] + np.einsum("nij,nj->ni", frames[wide], shift)
+            P = trained.means[wide] + np.einsum("nij,nj->ni", vectors[wide], shift)
             np.add.at(density, _cells(P, axes), trained.opacity[wide])
     return density >= OPAQUE
 
 
 def _cells(X: Array, axes: list[Array]) -> tuple[Array, ...]:
-    """Indices of the cells that hold points (N, 3)."""
+    """Three index arrays, (N,) each, of the cells that contain points (N, 3)."""
     step = axes[0][1] - axes[0][0]
     near = ((np.rint((x - a[0]) / step).astype(int), len(a)) for x, a in zip(X.T, axes, strict=True))
     return tuple(np.clip(index, 0, n - 1) for index, n in near)
 
 
 def _closed(occupied: Array, reach: int) -> Array:
-    """The cells that `occupied` encloses, itself included, when it is thickened by `reach` cells and thinned after."""
+    """The occupied cells and those that they enclose, once gaps of up to 2 `reach` cells are closed, (nx, ny, nz) bool.
+
+    `occupied`, (nx, ny, nz) bool, is thickened by `reach` cells, filled, and thinned again.
+    """
     room = np.pad(occupied, reach + 1)
     thick = distance_transform_edt(~room) <= reach
     parts, _ = label(~thick)
@@ -92,13 +102,13 @@ def _closed(occupied: Array, reach: int) -> Array:
     return np.asarray((thin | room)[core, core, core])
 
 
-def together(means: Array) -> Array:
-    """Which points (N, 3) belong to the object, (N,) bool: not far outside, nor in small groups apart from the rest."""
+def coherent(means: Array) -> Array:
+    """Whether a point (N, 3) belongs to the object, (N,) bool: neither far outside nor in a small separate group."""
     lo, hi = np.quantile(means, (0.01, 0.99), axis=0)
     lo, hi = lo - 0.5 * (hi - lo), hi + 0.5 * (hi - lo)
     near: Array = ((means >= lo) & (means <= hi)).all(axis=1)
     size = float(np.ptp(means[near], axis=0).max())
-    # Cells are wide enough that the points of one surface touch: a surface of n^2 cells has about 16 in each.
+    # Cells so wide that the points of one surface are connected: a surface of n^2 cells has about 16 points in each.
     cells = np.clip(np.sqrt(near.sum()) / 4, 8, 64)
     scale = (cells - 1e-6) / max(size, 1e-300)
     index = np.floor((means[near] - means[near].min(axis=0)) * scale).astype(int)

@@ -1,8 +1,8 @@
 """Fills a solid with material points: a regular lattice inside, a layer that follows the surface, true volumes.
 
-Lengths below are in lattice spacings. The lattice keeps INTERIOR below the surface. The lattice points from there to
-one spacing further out are one a unit area of the surface: they settle at the depth SKIN below it, spread evenly and
-make the outermost layer. Both together are one particle a lattice cell, without stairs in the outline.
+Constants are in lattice spacings. Interior particles are lattice points at least INTERIOR below the surface. The next
+layer of lattice points, one spacing thick, has one point per unit area of the surface. These are moved to the depth
+SKIN and spread evenly: the outermost layer. So there is one particle a lattice cell, without stairs in the outline.
 """
 
 from dataclasses import dataclass
@@ -24,17 +24,19 @@ REPULSION = 1.1
 SMALLEST = 0.1
 """Particles of less volume are merged into their neighbour: a tiny mass is unstable."""
 FULL = 1.5
-"""Lattice cells from this depth on are wholly owned by their lattice point."""
+"""From this depth on a lattice cell belongs wholly to its lattice point."""
 THIN = 1.5
-"""Distance from the nearest particle beyond which volume counts as not resolved."""
+"""Volume farther than this from the nearest particle counts as not resolved."""
 SAMPLES = 4
 """Inside tests along each edge of a boundary cell."""
 HALF_DIAGONAL = 0.87
-CHUNK = 1 << 14  # boundary cells worked on at a time: bounds the memory of the inside tests
+"""Half the diagonal of a lattice cell, rounded up."""
+CHUNK = 1 << 14
+"""Boundary cells processed at a time: bounds the memory of the inside tests."""
 
 
 class Solid(Protocol):
-    """What can be filled: something with an inside and a nearest surface, in the world [m]."""
+    """A body in the world [m] that can be filled. Grids are given by three coordinate arrays, (nx,), (ny,), (nz,)."""
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -42,19 +44,19 @@ class Solid(Protocol):
 
     @property
     def volume(self) -> float | None:
-        """The volume where it is known exactly [m^3]; asked for after `distance`."""
+        """The exact volume [m^3], or None if unknown; valid after a call of `distance`."""
 
     def distance(self, axes: list[Array]) -> Array:
-        """Signed distances on the grid of three coordinate arrays, negative inside, right within 2 grid steps."""
+        """Signed distances [m], (nx, ny, nz), on a grid: negative inside, correct within 2 steps of the surface."""
 
     def contains(self, axes: list[Array], index: Array) -> Array:
-        """Whether the points `index`, (M, 3), of the grid of three coordinate arrays are inside, (M,) bool."""
+        """Whether the points of a grid with indices `index`, (M, 3), are inside, (M,) bool."""
 
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
         """Points (N, 3) moved to `depth` [m] below the nearest surface, and outward normals there, (N, 3).
 
-        Where the solid is too thin for that they go as deep as they can; NaN marks a point that got nowhere. A zero
-        normal means that none is known.
+        Where the solid is too thin for this depth, they are moved as deep as possible. A point that finds no surface
+        is NaN. An unknown normal is zero.
         """
 
 
@@ -71,77 +73,86 @@ class Filling:
     normal: Array
     """Outward unit normals of surface particles, (N, 3), zero where none is known."""
     surface: Array
-    """Whether the particle is of the outermost layer, (N,) bool."""
-    remarks: tuple[str, ...] = ()
-    """What a user should know."""
+    """Whether the particle is in the outermost layer, (N,) bool."""
+    notes: tuple[str, ...] = ()
+    """Notes for the user."""
 
 
 def fill(solid: Solid, spacing: float) -> Filling:
-    """Particles that fill a solid at a distance of `spacing` [m]; there may be none."""
+    """Particles, `spacing` [m] apart, that fill a solid; there may be none."""
     axes = lattice(*solid.bounds, spacing)
     d = solid.distance(axes) / spacing
     core = d <= -INTERIOR
     inner, depth = points(axes, np.argwhere(core)), -d[core]
     band = points(axes, np.argwhere(~core & (d < 1 - INTERIOR)))
-    skin, normal = _surface(solid, band, inner[depth < INTERIOR + 2], spacing)
-    X = np.concatenate([skin, inner])
-    surface = np.arange(len(X)) < len(skin)
-    depth = np.concatenate([np.full(len(skin), SKIN), depth])
-    volume, remarks = _volumes(solid, axes, d, X, np.where(surface, 0.0, depth), spacing)
+    outer, normal = _surface(solid, band, inner[depth < INTERIOR + 2], spacing)
+    X = np.concatenate([outer, inner])
+    surface = np.arange(len(X)) < len(outer)
+    depth = np.concatenate([np.full(len(outer), SKIN), depth])
+    volume, notes = _volumes(solid, axes, d, X, np.where(surface, 0.0, depth), spacing)
     normal = np.concatenate([normal, np.zeros_like(inner)])
     keep = volume > 0
-    return Filling(X[keep], volume[keep], depth[keep] * spacing, normal[keep], surface[keep], remarks)
+    return Filling(X[keep], volume[keep], depth[keep] * spacing, normal[keep], surface[keep], notes)
 
 
 def lattice(lo: Array, hi: Array, spacing: float) -> list[Array]:
-    """Three coordinate arrays of a lattice centred on the box [lo, hi], wider than it by three points on each side.
+    """Coordinates (nx,), (ny,), (nz,) [m] of a lattice centred on the box [lo, hi], (3,) each, three points wider.
 
-    Of the two centred lattices that an axis has, the one is taken whose outermost points inside lie one spacing below
-    the surface particles of a face of the box.
+    An axis has two centred lattices, with an even and an odd number of points. The one chosen has its outermost inner
+    points one spacing below the surface particles of the box's faces, as nearly as possible.
     """
     count = np.maximum(np.round((hi - lo) / spacing - 2 * (1 + SKIN) + 1), 1) + 6
     return [c + spacing * (np.arange(n) - (n - 1) / 2) for c, n in zip((lo + hi) / 2, count, strict=True)]
 
 
 def points(axes: list[Array], index: Array) -> Array:
-    """Grid points (M, 3) of indices (M, 3)."""
+    """Points (M, 3) of the grid of three coordinate arrays with indices (M, 3)."""
     return np.stack([a[i] for a, i in zip(axes, index.T, strict=True)], axis=1)
 
 
 def slabs(axes: list[Array]) -> list[slice]:
-    """Slices of the first axis of a grid that hold about a million points each: they bound the memory."""
+    """Slices of the first axis of a grid, of about a million points each: they bound the memory.
+
+    The grid is given by three coordinate arrays, (nx,), (ny,), (nz,).
+    """
     rows = max(1, (1 << 20) // (len(axes[1]) * len(axes[2])))
     return [slice(i, i + rows) for i in range(0, len(axes[0]), rows)]
 
 
 def _surface(solid: Solid, band: Array, inner: Array, spacing: float) -> tuple[Array, Array]:
-    """Surface particles and their normals from the lattice points next to the surface, clear of `inner`."""
+    """Surface particles (M, 3) [m] and their normals (M, 3).
+
+    From the lattice points `band` (N, 3) next to the surface. They keep clear of the interior particles `inner` (L, 3).
+    """
     P, normal = _settled(solid, band, spacing)
     for _ in range(2 if len(P) else 0):
         for _ in range(3):
             P = P + _repulsion(P, normal, inner, spacing)
         P, normal = _settled(solid, P, spacing)
-    keep = _apart(P, inner, CLOSEST * spacing)
+    keep = _spaced(P, inner, CLOSEST * spacing)
     return P[keep], normal[keep]
 
 
 def _settled(solid: Solid, P: Array, spacing: float) -> tuple[Array, Array]:
-    """Those of the points that settle at the depth SKIN, there, and the normals."""
+    """The points P (N, 3) moved to the depth SKIN, (M, 3), and the normals there, (M, 3). Failed points are dropped."""
     Q, normal = solid.settle(P, SKIN * spacing)
-    there = np.isfinite(Q).all(axis=1)
-    return Q[there], normal[there]
+    settled = np.isfinite(Q).all(axis=1)
+    return Q[settled], normal[settled]
 
 
 def _repulsion(P: Array, normal: Array, inner: Array, spacing: float) -> Array:
-    """One step (N, 3) along the surface, away from near neighbours; a point without a normal stays."""
+    """One step (N, 3) [m] of points P (N, 3) along the surface, away from near neighbours among P and `inner` (L, 3).
+
+    `normal` is (N, 3). A point without a normal has a zero step.
+    """
     reach = REPULSION * spacing
-    every = np.concatenate([P, inner])
-    i, j = _pairs(every, reach).T
+    everything = np.concatenate([P, inner])
+    i, j = _pairs(everything, reach).T
     i, j = i[i < len(P)], j[i < len(P)]
-    apart = every[i] - every[j]
-    gap = np.maximum(np.linalg.norm(apart, axis=1), 1e-3 * spacing)
-    push = apart * (0.3 * (reach - gap) / gap)[:, None]
-    sums = [np.bincount(i, p, len(every)) - np.bincount(j, p, len(every)) for p in push.T]
+    offset = everything[i] - everything[j]
+    gap = np.maximum(np.linalg.norm(offset, axis=1), 1e-3 * spacing)
+    push = offset * (0.3 * (reach - gap) / gap)[:, None]
+    sums = [np.bincount(i, p, len(everything)) - np.bincount(j, p, len(everything)) for p in push.T]
     step = np.stack(sums, axis=1)[: len(P)]
     step -= np.einsum("ij,ij->i", step, normal)[:, None] * normal
     step[(normal == 0).all(axis=1)] = 0.0
@@ -149,13 +160,15 @@ def _repulsion(P: Array, normal: Array, inner: Array, spacing: float) -> Array:
 
 
 def _pairs(P: Array, reach: float) -> Array:
-    """Pairs i < j of points (N, 3) nearer than `reach`, (M, 2)."""
+    """Pairs i < j, (M, 2), of points (N, 3) nearer than `reach`."""
     found: Array = cKDTree(P).query_pairs(reach, output_type="ndarray")
     return found
 
 
-def _apart(P: Array, inner: Array, least: float) -> Array:
-    """Which points to keep, (N,) bool, so that none is nearer than `least` to another or to `inner`."""
+def _spaced(P: Array, inner: Array, least: float) -> Array:
+    """Whether to keep a point of P (N, 3), (N,) bool: kept points are at least `least` from each other and from `inner`
+    (L, 3).
+    """
     keep = np.ones(len(P), bool)
     pairs = _pairs(np.concatenate([inner, P]), least) - len(inner)
     for i, j in pairs[np.lexsort(pairs.T)]:
@@ -167,10 +180,11 @@ def _apart(P: Array, inner: Array, least: float) -> Array:
 def _volumes(
     solid: Solid, axes: list[Array], d: Array, X: Array, depth: Array, spacing: float
 ) -> tuple[Array, tuple[str, ...]]:
-    """Volume of each particle, zero for those merged away, and a remark on what is too thin.
+    """Volumes [m^3], (N,), of particles X (N, 3), zero for those merged into others, and a note on thin places.
 
-    Cells at least FULL below the surface belong to their lattice point; of others each sample that is inside belongs
-    to the nearest particle. `depth` (N,) is in spacings, 0 on the surface.
+    A cell at least FULL below the surface belongs to its lattice point. Of other cells each sample inside the solid
+    belongs to the nearest particle. `d` (nx, ny, nz), the signed distance, and `depth` (N,), 0 on the surface, are in
+    spacings.
     """
     volume = (depth >= FULL).astype(float)
     cells = np.argwhere((d > -FULL) & (d < HALF_DIAGONAL))
@@ -206,7 +220,10 @@ def _thin(share: float) -> str:
 
 
 def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: float) -> Array:
-    """The samples of boundary cells (M, 3) that are inside the solid, (K, 3) [m]."""
+    """The samples of the cells with indices `cells` (M, 3) that are inside the solid, (L, 3) [m].
+
+    `d` (nx, ny, nz) is the signed distance in spacings.
+    """
     offsets = spacing * ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5)
     fine = [(a[:, None] + offsets).ravel() for a in axes]
     sub = np.stack(np.meshgrid(*[np.arange(SAMPLES)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -218,7 +235,7 @@ def _samples(solid: Solid, axes: list[Array], d: Array, cells: Array, spacing: f
 
 
 def _merged(X: Array, volume: Array) -> Array:
-    """Volumes, in cells, after those below SMALLEST went to the nearest larger particle."""
+    """Volumes [cells], (N,), of particles X (N, 3): those below SMALLEST are added to the nearest larger particle."""
     tiny = volume < SMALLEST
     if not tiny.any() or tiny.all():
         return volume

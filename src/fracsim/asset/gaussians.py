@@ -7,14 +7,14 @@ from fracsim.records import Array, Particles
 
 SH_C0 = 0.28209479177387814  # 1 / sqrt(4 pi): the constant spherical harmonic
 TANGENTIAL, NORMAL = 0.6, 0.16
-"""Standard deviations of surface Gaussians along and across the surface, in spacings."""
+"""Standard deviations of surface Gaussians along and across the surface [particle spacings]."""
 ROUND = 0.6
-"""Standard deviation of interior Gaussians, in spacings; less where it would reach through the surface."""
+"""Standard deviation of interior Gaussians [particle spacings]; less where it would reach through the surface."""
 OPACITY = 0.98
 
 
 def particles(filling: Filling, rgb: Array, spacing: float, notes: tuple[str, ...] = ()) -> Particles:
-    """Particles of a filling with colours (N, 3), sRGB in [0, 1]; its remarks follow `notes`."""
+    """Particles of a filling with colours `rgb` (N, 3), sRGB in [0, 1]. The filling's notes follow `notes`."""
     return Particles(
         X=filling.X.astype(np.float32),
         volume=filling.volume.astype(np.float32),
@@ -23,12 +23,12 @@ def particles(filling: Filling, rgb: Array, spacing: float, notes: tuple[str, ..
         sh=constant_sh(rgb),
         surface=filling.surface,
         spacing=spacing,
-        notes=(*notes, *filling.remarks),
+        notes=(*notes, *filling.notes),
     )
 
 
 def constant_sh(rgb: Array) -> Array:
-    """Coefficients (N, 1, 3) float32 of a colour (N, 3) that is the same from everywhere."""
+    """Coefficients (N, 1, 3) float32 of colours (N, 3) that are the same from all directions."""
     return ((np.asarray(rgb, np.float64) - 0.5) / SH_C0).astype(np.float32)[:, None, :]
 
 
@@ -36,7 +36,7 @@ def covariance(filling: Filling, spacing: float) -> Array:
     """Covariances (N, 6) as xx, xy, xz, yy, yz, zz [m^2]: t^2 I + (n^2 - t^2) N N^T with the outward normal N."""
     t = np.full(len(filling.X), TANGENTIAL * spacing)
     deep = ~filling.surface
-    # Half the depth: what reaches through the surface is beyond two standard deviations.
+    # Half the depth, so that the surface is two standard deviations away.
     t[deep] = np.clip(0.5 * filling.depth[deep], 0.4 * spacing, ROUND * spacing)
     rows, columns = np.triu_indices(3)
     n = NORMAL * spacing
@@ -46,13 +46,19 @@ def covariance(filling: Filling, spacing: float) -> Array:
 
 
 def lifted(filling: Filling, spacing: float) -> tuple[Array, Array]:
-    """Where to ask for colours, points (N, 3) and depths (N,) [m]: surface particles show what is right above them."""
+    """Points (N, 3) [m] and depths (N,) [m] whose colours the particles take.
+
+    A surface particle takes the colour of the surface right above it.
+    """
     P = filling.X + SKIN * spacing * filling.normal
     return P, np.where(filling.surface, 0.0, filling.depth)
 
 
 def footprint(P: Array, normal: Array, spacing: float) -> Array:
-    """Five points (5, N, 3) that a surface particle at P covers: the mean of their colours does not alias."""
+    """Five points (5, N, 3) that a surface particle at P (N, 3) with normal (N, 3) covers.
+
+    The mean of their colours does not alias.
+    """
     helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
     u = np.cross(normal, helper)
     u *= 0.35 * spacing / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)

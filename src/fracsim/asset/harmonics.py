@@ -1,17 +1,17 @@
-"""Turning the view-dependent colour of a Gaussian: spherical harmonics in the order and signs of 3DGS."""
+"""Rotation of the view-dependent colour of a Gaussian: spherical harmonics in the order and signs of 3DGS."""
 
 import numpy as np
 
 from fracsim.records import Array
 
 BANDS = [slice(degree**2, (degree + 1) ** 2) for degree in range(4)]
-"""The coefficients of each degree."""
+"""Slice of the coefficients of each degree."""
 BLOCK = 10_000
-"""Gaussians turned at once, to bound memory."""
+"""Gaussians rotated at a time: bounds the memory."""
 
 
 def basis(directions: Array) -> Array:
-    """The 16 real spherical harmonics of degree 0 to 3 in unit directions (M, 3), (M, 16)."""
+    """The 16 real spherical harmonics of degree 0 to 3, (M, 16), in unit directions (M, 3)."""
     x, y, z = directions.T
     a, b, c = np.sqrt(np.array([1, 3, 15]) / (4 * np.pi))
     d, e, f, g = np.sqrt(np.array([5 / 16, 35 / 32, 21 / 32, 7 / 16]) / np.pi)
@@ -27,10 +27,10 @@ def basis(directions: Array) -> Array:
 
 
 def turned(sh: Array, R: Array) -> Array:
-    """Coefficients (N, K, 3) of colours that turned by R, (3, 3) or one each (N, 3, 3), with their object.
+    """Coefficients (N, K, 3) of the colours `sh` (N, K, 3) of objects turned by R, (3, 3) or (N, 3, 3).
 
-    f'(d) = f(R^T d). Each degree turns within itself (Wigner 1931); its matrix is a least-squares fit in 24 directions,
-    which is exact.
+    f'(d) = f(R^T d). A rotation mixes only coefficients of the same degree (Wigner 1931). The matrix of each degree is
+    a least-squares fit in 24 directions, so it is exact.
     """
     directions = np.random.default_rng(0).normal(size=(24, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""What cannot be simulated is refused before any long work, with one error that names the way out."""
+"""Refuses objects that cannot be simulated, before any long work, with one error that names the way out."""
 
 import re
 from pathlib import Path
@@ -10,12 +10,15 @@ from fracsim.scene.vocab import Asset
 
 SUFFIXES = {"mesh": (".obj", ".glb", ".gltf", ".ply", ".stl"), "ply": (".ply",)}
 MOST_BYTES = 1 << 31
+"""Largest file."""
 FEWEST = 8
+"""Fewest particles."""
 MOST_GRID = 1e8
+"""Most grid points of a filling."""
 
 
 def check(asset: Asset, spacing: float) -> None:
-    """Raises ValueError for fields of `asset` that vocab cannot judge on its own."""
+    """Raises ValueError for fields of `asset` that `fracsim.scene.vocab` cannot check alone."""
     if not spacing > 0:
         raise ValueError(f"spacing={spacing} must be > 0: it is solver.h / solver.particles_per_axis.")
     if len(asset.rotate_deg) != 3:
@@ -27,7 +30,7 @@ def check(asset: Asset, spacing: float) -> None:
 
 
 def _check_file(asset: Asset) -> None:
-    """Raises ValueError unless asset.path is a file of a known kind and bearable size."""
+    """Raises ValueError unless asset.path is a file of a known kind, at most MOST_BYTES large."""
     file, known = Path(asset.path), SUFFIXES[asset.kind]
     if file.suffix.lower() not in known:
         raise ValueError(
@@ -52,10 +55,10 @@ def colour(text: str) -> tuple[float, float, float]:
 
 
 def estimate(asset: Asset, spacing: float, volume: float, area: float, bounds: tuple[Array, Array]) -> None:
-    """Raises ValueError when a solid of about `volume` [m^3], `area` [m^2] and `bounds` [m] is too large.
+    """Raises ValueError if a solid of about `volume` [m^3], `area` [m^2] and `bounds`, (3,) and (3,) [m], is too large.
 
-    Each bit of the surface takes half a particle more than the volume does. A slim object may need few particles
-    but a wide grid to find them.
+    Each spacing^2 of the surface adds half a particle to those of the volume. A slim object may have few particles but
+    need a large grid to find them.
     """
     count(asset, spacing, int(volume / spacing**3 + 0.5 * area / spacing**2), "about ")
     grid = float(np.prod((bounds[1] - bounds[0]) / spacing + 7))
@@ -67,7 +70,7 @@ def estimate(asset: Asset, spacing: float, volume: float, area: float, bounds: t
 
 
 def count(asset: Asset, spacing: float, n: int, about: str = "") -> None:
-    """Raises ValueError unless FEWEST <= n <= asset.max_particles."""
+    """Raises ValueError unless FEWEST <= n <= asset.max_particles; an estimate (`about`) may be below FEWEST."""
     if n > asset.max_particles:
         raise ValueError(
             f"asset.max_particles={asset.max_particles} but the object needs {about}{n} particles {spacing:g} m "

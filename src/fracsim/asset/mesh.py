@@ -1,6 +1,6 @@
-"""Meshes as particles (asset.kind=mesh): what is inside, how far the surface is, which colour it has there.
+"""Meshes as particles (asset.kind=mesh): the inside, the distance to the surface, and its colour.
 
-y is up, as in glTF; an OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0].
+y is up, as in glTF. An OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0].
 """
 
 from dataclasses import replace
@@ -15,26 +15,28 @@ from scipy.ndimage import (
     median_filter,
 )
 
-from fracsim.asset import fill, gaussians, limits, paint, place, surface, weld
+from fracsim.asset import fill, gaussians, limits, paint, place, weld
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
-from fracsim.asset.surface import Surface
+from fracsim.asset.surface import Surface, read
 from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
-REACH = 1.0  # spacings from the surface up to which a point is moved onto it
-STRAY = 0.005  # parts smaller than this fraction of the largest are crumbs of a doubtful inside
+REACH = 1.0
+"""Points farther than this from the surface are not moved onto it [particle spacings]."""
+SPECK = 0.005
+"""Parts of a doubtful inside that are smaller than this fraction of the largest part are dropped."""
 
 SEAMS = "The mesh is not watertight as stored; welding vertices at equal positions closed it, so its inside is exact."
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles of the mesh file asset.path; raises ValueError when it cannot be used."""
-    skin = _placed(surface.read(asset.path), asset)
-    solid = MeshSolid(skin, spacing)
+    """Particles `spacing` [m] apart of the mesh file asset.path; raises ValueError if it cannot be used."""
+    surface = _placed(read(asset.path), asset)
+    solid = MeshSolid(surface, spacing)
     limits.estimate(asset, spacing, *solid.mesh.rough, solid.bounds)
-    filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(skin, spacing)), spacing)
+    filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(surface, spacing)), spacing)
     if not len(filling.X):
         raise ValueError(
             f"asset.path={asset.path} encloses no volume: a solid needs a closed, or nearly closed, surface. "
@@ -44,33 +46,36 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     return gaussians.particles(filling, rgb, spacing, solid.notes)
 
 
-def _placed(skin: Surface, asset: Asset) -> Surface:
-    """The surface in the world, without triangles that have no area."""
+def _placed(surface: Surface, asset: Asset) -> Surface:
+    """The surface in the world, without triangles of no area."""
     R = place.rotation(asset.rotate_deg)
-    turned = skin.corners @ R.T
+    turned = surface.corners @ R.T
     placement = place.fit(asset, turned.min(axis=(0, 1)), turned.max(axis=(0, 1)))
-    corners = placement.to_world(skin.corners)
+    corners = placement.to_world(surface.corners)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     real = np.linalg.norm(cross, axis=1) > 1e-12 * asset.size**2
-    normals, rgb, uv, texture = (a[real] for a in (skin.normals @ R.T, skin.rgb, skin.uv, skin.texture))
-    return replace(skin, corners=corners[real], normals=normals, rgb=rgb, uv=uv, texture=texture)
+    normals, rgb, uv, texture = (a[real] for a in (surface.normals @ R.T, surface.rgb, surface.uv, surface.texture))
+    return replace(surface, corners=corners[real], normals=normals, rgb=rgb, uv=uv, texture=texture)
 
 
 class MeshSolid:
-    """The solid that a surface bounds; open, overlapping and inconsistently oriented surfaces are put up with."""
+    """The `fracsim.asset.fill.Solid` that a surface bounds; it may be open, overlapping or inconsistently oriented."""
 
-    def __init__(self, skin: Surface, spacing: float) -> None:
-        """`skin` in the world [m]."""
-        self.skin, self.spacing, self.notes = skin, spacing, skin.notes
+    def __init__(self, surface: Surface, spacing: float) -> None:
+        """`surface` in the world [m]."""
+        self.surface, self.spacing, self.notes = surface, spacing, surface.notes
         self.volume: float | None = None
-        self.bounds = skin.corners.min(axis=(0, 1)), skin.corners.max(axis=(0, 1))
-        self.mesh = weld.weld(skin.corners)
+        self.bounds = surface.corners.min(axis=(0, 1)), surface.corners.max(axis=(0, 1))
+        self.mesh = weld.weld(surface.corners)
         self._fine: tuple[float, Rays] | None = None
 
     def distance(self, axes: list[Array]) -> Array:
-        """Signed distances on a grid, exact within two and a half grid steps, mostly +-inf beyond."""
+        """Signed distances [m], (nx, ny, nz), on the grid of three coordinate arrays.
+
+        They are exact within two and a half grid steps of the surface, mostly +-inf beyond.
+        """
         inside = self._inside(axes)
-        self.nearest = Nearest(self.skin.corners, 0.5 * self.spacing)
+        self.nearest = Nearest(self.surface.corners, 0.5 * self.spacing)
         if self.volume is None:
             self.nearest.drop(self._buried(inside))
         d = np.where(inside, -np.inf, np.inf)
@@ -78,38 +83,44 @@ class MeshSolid:
         P = fill.points(axes, np.argwhere(close))
         S, _, _ = self.nearest(P, candidates=4)
         d[close] = np.where(inside[close], -1.0, 1.0) * np.linalg.norm(P - S, axis=1)
-        return d if self.mesh.closed else _lidded(d, inside, self.spacing)
+        return d if self.mesh.closed else _capped(d, inside, self.spacing)
 
     def contains(self, axes: list[Array], index: Array) -> Array:
-        """Whether grid points (M, 3) are inside, (M,) bool."""
+        """Whether the points with indices (M, 3) of the grid of three coordinate arrays are inside, (M,) bool."""
         step = float(axes[0][1] - axes[0][0])
         if self._fine is None or self._fine[0] != step:
             self._fine = step, Rays(self.mesh.corners, axes, self.mesh.closed, self.mesh.oriented)
         return np.abs(self._fine[1].winding(index)[0]) > 0.5
 
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
-        """Along the normal of the nearest surface point to `depth` [m] below it; see `fracsim.asset.fill.Solid`."""
-        S, normal = self.skin_at(P)
+        """Points `depth` [m] below the surface points nearest to P (N, 3), (N, 3), and the normals there, (N, 3).
+
+        A point farther than REACH from the surface stays and has a zero normal.
+        """
+        S, normal = self.surface_at(P)
         Q = S - depth * normal
-        opposite, other = self.skin_at(Q)
-        # What went through a thin wall goes back to the middle of it.
+        opposite, other = self.surface_at(Q)
+        # A point that has passed through a thin wall is moved back to its middle.
         lost = np.einsum("ij,ij->i", Q - opposite, other) > 0
         Q[lost] = (S[lost] + opposite[lost]) / 2
         far = np.linalg.norm(P - S, axis=1) > REACH * self.spacing
         Q[far], normal[far] = P[far], 0.0
         return Q, normal
 
-    def skin_at(self, P: Array) -> tuple[Array, Array]:
-        """Nearest surface points, (N, 3), and the outward normals there, (N, 3)."""
+    def surface_at(self, P: Array) -> tuple[Array, Array]:
+        """Surface points nearest to P (N, 3), (N, 3), and the outward normals there, (N, 3)."""
         S, face, bary = self.nearest(P)
-        normal = np.einsum("nc,ncj->nj", bary, self.skin.normals[face])
+        normal = np.einsum("nc,ncj->nj", bary, self.surface.normals[face])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         ahead, behind = (self._insideness(S + side * 0.7 * self.spacing * normal) for side in (1, -1))
         normal[ahead > behind] *= -1
         return S, normal
 
     def _inside(self, axes: list[Array]) -> Array:
-        """Whether grid points are inside, (nx, ny, nz) bool; sets the volume if it is exact, and the notes."""
+        """Whether points of the grid of three coordinate arrays are inside, (nx, ny, nz) bool.
+
+        Sets the volume if it is exact, and the notes.
+        """
         shape = tuple(len(a) for a in axes)
         rays = Rays(self.mesh.corners, axes, self.mesh.closed, self.mesh.oriented)
         winding, doubtful = np.zeros(shape), np.zeros(shape, bool)
@@ -122,40 +133,44 @@ class MeshSolid:
             )
         inside = np.abs(winding) > 0.5
         if not self.mesh.closed:
-            inside = _without_crumbs(inside, doubtful)
+            inside = _without_specks(inside, doubtful)
             self.notes += (_open_note(doubtful[inside]),)
         elif self.mesh.oriented and len(np.unique(winding)) <= 2:
             self.volume = self.mesh.volume
-        if self.mesh.closed and not self.skin.watertight:
+        if self.mesh.closed and not self.surface.watertight:
             self.notes += (SEAMS,)
         self.origin = np.array([a[0] for a in axes])
         self.inside = inside.astype(np.float32)
         return inside
 
     def _insideness(self, P: Array) -> Array:
-        """Linear interpolation of the inside on the grid at P (N, 3), (N,) in [0, 1]."""
+        """Inside (1) or outside (0) of the grid, interpolated linearly at P (N, 3), (N,)."""
         at = ((P - self.origin) / self.spacing).T
         values: Array = map_coordinates(self.inside, at, order=1, mode="nearest")
         return values
 
     def _cells(self, shape: tuple[int, ...]) -> tuple[Array, ...]:
-        """Indices of the grid points nearest to the surface samples."""
+        """Three index arrays, (S,) each, of the grid points nearest to the surface samples."""
         index = np.round((self.nearest.samples - self.origin) / self.spacing).astype(int)
         return tuple(np.clip(index, 0, np.array(shape) - 1).T)
 
     def _buried(self, inside: Array) -> Array:
-        """Which surface samples have nothing but inside about them, as where bodies overlap, (S,) bool."""
+        """Whether a surface sample is surrounded by the inside, (S,) bool, as where bodies overlap.
+
+        `inside` is (nx, ny, nz) bool.
+        """
         deep: Array = binary_erosion(inside, np.ones((3, 3, 3)))
         return deep[self._cells(inside.shape)]
 
     def _close(self, shape: tuple[int, ...]) -> Array:
-        """Grid points within two and a half steps of the surface, (nx, ny, nz) bool."""
+        """Whether a grid point is within two and a half steps of the surface, (nx, ny, nz) bool."""
         hit = np.zeros(shape, np.uint8)
         hit[self._cells(shape)] = 1
         return np.asarray(maximum_filter(hit, 7) > 0)
 
 
 def _open_note(doubtful: Array) -> str:
+    """The note on a mesh that is not watertight; `doubtful` (M,): whether the rays disagreed at an inner point."""
     share = doubtful.mean() if len(doubtful) else 0.0
     return (
         "The mesh is not watertight: points are inside where the winding number, estimated from rays in the six "
@@ -163,11 +178,14 @@ def _open_note(doubtful: Array) -> str:
     )
 
 
-def _without_crumbs(inside: Array, doubtful: Array) -> Array:
-    """The inside with doubtful points decided by their neighbours, without tiny parts and tiny doubtful pockets."""
+def _without_specks(inside: Array, doubtful: Array) -> Array:
+    """The inside, (nx, ny, nz) bool, after three corrections of `inside` and `doubtful`, (nx, ny, nz) bool each.
+
+    The neighbours decide on doubtful points. Tiny parts are dropped. Tiny, mostly doubtful pockets are filled.
+    """
     inside = np.where(doubtful, median_filter(inside.astype(np.uint8), 3) > 0, inside)
     parts, size = _parts(inside)
-    least = STRAY * size.max()
+    least = SPECK * size.max()
     inside = (size >= max(least, 1))[parts]
     pockets, size = _parts(~inside)
     share = np.bincount(pockets.ravel(), doubtful.ravel(), len(size)) / np.maximum(size, 1)
@@ -177,21 +195,27 @@ def _without_crumbs(inside: Array, doubtful: Array) -> Array:
 
 
 def _parts(mask: Array) -> tuple[Array, Array]:
-    """Numbers of the connected parts of a grid, (nx, ny, nz), 0 where there is none, and their sizes, 0 first."""
+    """Connected parts of `mask`, (nx, ny, nz) bool: part number at each point, (nx, ny, nz), and part sizes, (parts,).
+
+    Number 0 is the rest of the grid; its size is set to 0.
+    """
     parts, n = label(mask)
     size = np.bincount(parts.ravel(), minlength=n + 1)
     size[0] = 0
     return parts, size
 
 
-def _lidded(d: Array, inside: Array, spacing: float) -> Array:
-    """Distances that also see the boundary of the inside where there is no surface, as across a hole."""
-    lid = spacing * (distance_transform_edt(inside) - 0.5)
-    return np.where(inside & (-d > lid + spacing), -lid, d)
+def _capped(d: Array, inside: Array, spacing: float) -> Array:
+    """Signed distances [m], (nx, ny, nz), that treat the boundary of `inside` across a hole as surface too.
+
+    `d` [m] and `inside` are (nx, ny, nz).
+    """
+    cap = spacing * (distance_transform_edt(inside) - 0.5)
+    return np.where(inside & (-d > cap + spacing), -cap, d)
 
 
 def _painted(solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: float, seed: int) -> Array:
-    """Colours (N, 3): the lit surface down to a skin, below it the inside."""
+    """Colours (N, 3): near the surface that of the lit surface, below it that of the inside."""
     P, top = filling.X, filling.surface
     S, _ = gaussians.lifted(filling, spacing)
     unlit = _footprint(solid, S[top], filling.normal[top], spacing)
@@ -200,14 +224,14 @@ def _painted(solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: flo
     under = np.flatnonzero(~top & (filling.depth < paint.DEEP * spacing))
     S, face, bary = solid.nearest(P[under])
     normal = (S - P[under]) / np.maximum(np.linalg.norm(S - P[under], axis=1, keepdims=True), 1e-12)
-    skin = paint.lit(paint.sample(solid.skin, face, bary), normal)
-    rgb[under] = paint.blend(skin, rgb[under], filling.depth[under] / spacing)
+    above = paint.lit(paint.sample(solid.surface, face, bary), normal)
+    rgb[under] = paint.blend(above, rgb[under], filling.depth[under] / spacing)
     return rgb
 
 
 def _footprint(solid: MeshSolid, S: Array, normal: Array, spacing: float) -> Array:
-    """Mean colour (N, 3) over what surface particles at S (N, 3) cover."""
+    """Mean colour (N, 3) over the footprints of surface particles at S (N, 3) with normals (N, 3)."""
     covered = gaussians.footprint(S, normal, spacing)
-    looks = [paint.sample(solid.skin, *solid.nearest(P)[1:]) for P in covered]
-    mean: Array = np.mean(looks, axis=0)
+    samples = [paint.sample(solid.surface, *solid.nearest(P)[1:]) for P in covered]
+    mean: Array = np.mean(samples, axis=0)
     return mean

@@ -1,4 +1,4 @@
-"""The nearest point of a triangle surface: a tree over samples finds the candidates, exact arithmetic decides."""
+"""The nearest point of a triangle surface: a tree of samples finds candidates, their exact distances decide."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,18 +10,18 @@ class Nearest:
     """Queries for the nearest surface point."""
 
     def __init__(self, corners: Array, pitch: float) -> None:
-        """`corners` (T, 3, 3) of triangles with area; samples lie about `pitch` apart on larger ones."""
+        """`corners` (T, 3, 3) of triangles of positive area; samples lie about `pitch` apart on larger triangles."""
         self.corners = corners
         self.samples, self.face = _sampled(corners, pitch)
         self.tree = cKDTree(self.samples)
 
     def drop(self, buried: Array) -> None:
-        """Forgets samples, (S,) bool, so that their part of the surface is no longer found."""
+        """Removes the samples `buried`, (S,) bool, so that their part of the surface is no longer found."""
         self.samples, self.face = self.samples[~buried], self.face[~buried]
         self.tree = cKDTree(self.samples)
 
     def __call__(self, P: Array, candidates: int = 8) -> tuple[Array, Array, Array]:
-        """Nearest points (N, 3), their triangles (N,) and barycentric coordinates (N, 3) of points (N, 3)."""
+        """Surface points nearest to P (N, 3): positions (N, 3), triangles (N,), barycentric coordinates (N, 3)."""
         k = min(candidates, len(self.samples))
         _, at = self.tree.query(P, k=k)
         face = self.face[at.reshape(len(P), k)]
@@ -36,7 +36,10 @@ class Nearest:
 
 
 def _sampled(corners: Array, pitch: float) -> tuple[Array, Array]:
-    """Points (S, 3) about `pitch` apart on each triangle, in rows along its shortest edge; their triangles (S,)."""
+    """Points (S, 3) about `pitch` apart on triangles (T, 3, 3), and their triangles (S,).
+
+    The points of a triangle lie in rows along its shortest edge.
+    """
     facing = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
     order = (facing.argmin(axis=1)[:, None] + np.arange(3)) % 3
     turned = np.take_along_axis(corners, order[:, :, None], axis=1)
@@ -53,7 +56,7 @@ def _sampled(corners: Array, pitch: float) -> tuple[Array, Array]:
 
 
 def _rows(rows: int, across: int) -> Array:
-    """Barycentric coordinates (S, 3): rows from the first corner on, the last one of `across` points."""
+    """Barycentric coordinates (S, 3) of `rows` rows of points from the first corner on, the last of `across` points."""
     u = (np.arange(rows) + 0.5) / rows
     count = np.maximum(np.ceil(u * across).astype(int), 1)
     u, count, first = (np.repeat(a, count) for a in (u, count, np.cumsum(count) - count))
@@ -62,7 +65,7 @@ def _rows(rows: int, across: int) -> Array:
 
 
 def _barycentric(corners: Array, P: Array) -> Array:
-    """Barycentric coordinates (N, 3) of the points of triangles (N, 3, 3) that are nearest to P (N, 3)."""
+    """Barycentric coordinates (N, 3) of the points nearest to P (N, 3), each in its triangle of `corners` (N, 3, 3)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac, ap = b - a, c - a, P - a
     uu, uv, vv = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
@@ -76,7 +79,7 @@ def _barycentric(corners: Array, P: Array) -> Array:
 
 
 def _on_edges(corners: Array, P: Array) -> Array:
-    """Barycentric coordinates (N, 3) of the nearest points on the triangles' edges."""
+    """Barycentric coordinates (N, 3) of the points nearest to P (N, 3) on the edges of triangles (N, 3, 3)."""
     best, bary = np.full(len(P), np.inf), np.zeros((len(P), 3))
     for k in range(3):
         start, along = corners[:, k], corners[:, (k + 1) % 3] - corners[:, k]
@@ -90,5 +93,6 @@ def _on_edges(corners: Array, P: Array) -> Array:
 
 
 def _dot(a: Array, b: Array) -> Array:
+    """Scalar products (N,) of vectors (N, 3)."""
     out: Array = np.einsum("ij,ij->i", a, b)
     return out

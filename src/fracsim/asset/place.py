@@ -1,4 +1,4 @@
-"""Where an object stands: turned, scaled to its largest extent, its bounding box centred in the domain.
+"""Placement of an object: turned, scaled to its largest extent, its bounding box centred in the domain.
 
 y is up, as in glTF. OBJ and STL files drawn with z up need asset.rotate_deg=[-90,0,0], and a trained 3DGS file in
 the axes of COLMAP (y down) needs asset.rotate_deg=[180,0,0].
@@ -13,7 +13,7 @@ from fracsim.records import Array
 from fracsim.scene.vocab import CENTRE, Asset
 
 HOME: Array = np.array(CENTRE)
-"""Where the centre of the object's bounding box is placed [m], (3,)."""
+"""Centre of the object's bounding box in the world [m], (3,)."""
 
 
 @dataclass(frozen=True)
@@ -23,23 +23,23 @@ class Placement:
     R: Array
     """Rotation, (3, 3)."""
     scale: float
-    """World metres a unit of the object."""
+    """Metres in the world per unit of the object."""
     middle: Array
     """Centre of the bounding box of the turned object, (3,)."""
 
     def to_world(self, P: Array) -> Array:
-        """Points of the object, (N, 3), in the world [m]."""
+        """Points in the world [m], (..., 3), of points P of the object, (..., 3)."""
         world: Array = self.scale * (P @ self.R.T - self.middle) + HOME
         return world
 
     def to_object(self, W: Array) -> Array:
-        """Points of the world [m], (N, 3), in object coordinates."""
+        """Points of the object, (N, 3), of points W in the world [m], (N, 3)."""
         points: Array = ((W - HOME) / self.scale + self.middle) @ self.R
         return points
 
 
 def rotation(degrees: list[float]) -> Array:
-    """The turn about x, then y, then z (fixed axes, right-handed) by three angles [deg], (3, 3) float64."""
+    """The rotation, (3, 3) float64, about x, then y, then z (fixed axes, right-handed) by three angles [deg]."""
     R = np.eye(3)
     for axis, angle in enumerate(degrees):
         c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
@@ -51,7 +51,10 @@ def rotation(degrees: list[float]) -> Array:
 
 
 def fit(asset: Asset, lo: Array, hi: Array) -> Placement:
-    """Scales the turned bounding box [lo, hi], each (3,), to asset.size; raises ValueError if it has no extent."""
+    """The placement that scales the turned bounding box [lo, hi], (3,) each, to asset.size.
+
+    Raises ValueError if the box has no extent.
+    """
     extent = float(np.max(hi - lo))
     if not (math.isfinite(extent) and extent > 0):
         raise ValueError(

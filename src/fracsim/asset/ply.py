@@ -36,7 +36,7 @@ class Gaussians:
 
 
 def read(path: str | Path) -> Gaussians:
-    """The Gaussians of a checkpoint; raises ValueError naming asset.path for a file that is none."""
+    """The Gaussians of a checkpoint; raises ValueError, with asset.path, for another file."""
     vertex = _vertex(path)
     names = {p.name for p in vertex.properties}
     rest = [f"f_rest_{i}" for i in range(len([n for n in names if n.startswith("f_rest_")]))]
@@ -60,7 +60,7 @@ def read(path: str | Path) -> Gaussians:
 
 
 def _vertex(path: str | Path) -> Any:
-    """The vertex element of a PLY file; raises ValueError when it is not that of a checkpoint."""
+    """The vertex element of a PLY file; raises ValueError if it is not that of a checkpoint."""
     try:
         file = plyfile.PlyData.read(str(path))
     except (plyfile.PlyParseError, OSError, ValueError, UnicodeDecodeError) as error:
@@ -78,7 +78,7 @@ def _vertex(path: str | Path) -> Any:
 
 
 def _check_values(path: str | Path, values: dict[str, Array]) -> None:
-    """Raises ValueError naming the first property with a value that cannot be used."""
+    """Raises ValueError for the first of the properties `values`, (N,) each, with an unusable value."""
     for name, column in values.items():
         bad = ~np.isfinite(column)
         if name.startswith("scale_"):
@@ -91,14 +91,14 @@ def _check_values(path: str | Path, values: dict[str, Array]) -> None:
 
 
 def _rotations(q: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of quaternions w x y z (N, 4); a zero quaternion is no turn."""
+    """Rotation matrices (N, 3, 3) of quaternions w x y z (N, 4); a zero quaternion is the identity."""
     q = np.where(np.linalg.norm(q, axis=1, keepdims=True) > 1e-12, q, (1.0, 0.0, 0.0, 0.0))
     R: Array = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()
     return R
 
 
 def symmetric(covariance: Array) -> Array:
-    """Matrices (N, 3, 3) of xx, xy, xz, yy, yz, zz (N, 6)."""
+    """Symmetric matrices (N, 3, 3) of their entries xx, xy, xz, yy, yz, zz, (N, 6)."""
     out = np.empty((len(covariance), 3, 3), covariance.dtype)
     for k, (i, j) in enumerate(UPPER):
         out[:, i, j] = out[:, j, i] = covariance[:, k]
@@ -106,15 +106,15 @@ def symmetric(covariance: Array) -> Array:
 
 
 def triangle(matrices: Array) -> Array:
-    """The entries xx, xy, xz, yy, yz, zz (N, 6) of symmetric matrices (N, 3, 3)."""
+    """The entries xx, xy, xz, yy, yz, zz, (N, 6), of symmetric matrices (N, 3, 3)."""
     return np.stack([matrices[:, i, j] for i, j in UPPER], axis=1)
 
 
 def write(path: str | Path, means: Array, covariance: Array, opacity: Array, sh: Array) -> None:
     """Writes a checkpoint of means (N, 3), covariance (N, 6), opacity (N,) in [0, 1] and sh (N, K, 3).
 
-    Binary, little-endian, float32. Opacities are kept 1e-6 away from 0 and 1, where the logit is infinite, and
-    variances at 1e-14 of the largest of their Gaussian, below which rounding may make them negative.
+    Binary, little-endian, float32. Opacities are clamped to 1e-6 from 0 and 1, since the logit is infinite there.
+    Variances are at least 1e-14 of the Gaussian's largest, since rounding may make smaller ones negative.
     """
     variances, axes = np.linalg.eigh(symmetric(np.asarray(covariance, np.float64)))
     axes[np.linalg.det(axes) < 0, :, 0] *= -1

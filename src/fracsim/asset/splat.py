@@ -1,8 +1,8 @@
 """A trained 3DGS checkpoint as particles (asset.kind=ply): its Gaussians on the surface, new ones inside.
 
-Each trained Gaussian becomes a surface particle that keeps its covariance and colour; standard deviations are limited
-to LONGEST spacings (one and a half cells), for a particle moves as one and cannot span a crack. The inside is what
-the opaque cells enclose, closed over small gaps. Checkpoints are often y down: asset.rotate_deg=[180,0,0] turns them.
+Each trained Gaussian becomes a surface particle with its covariance and colour. Standard deviations are limited to
+LONGEST spacings (one and a half cells), since one particle cannot span a crack. The opaque cells, with small gaps
+closed, enclose the inside. Checkpoints are often y down: asset.rotate_deg=[180,0,0] turns them.
 """
 
 from dataclasses import replace
@@ -15,15 +15,15 @@ from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
 LONGEST, SHORTEST = 3.0, 0.02
-"""Bounds of standard deviations, in spacings."""
+"""Bounds of standard deviations [particle spacings]."""
 CLEAR = 0.6
-"""Interior particles keep this distance from trained Gaussians, in spacings."""
+"""Least distance of interior particles from trained Gaussians [particle spacings]."""
 LEAST = 0.02
-"""Least volume of a particle before the total is set right, in cells: many Gaussians share a cell."""
+"""Least volume of a particle [cells], before all are scaled to the body's volume: many Gaussians may share a cell."""
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles of the checkpoint asset.path; raises ValueError when it cannot be used."""
+    """Particles of the checkpoint asset.path, interior ones `spacing` [m] apart; raises ValueError if unusable."""
     trained, notes = _opaque(ply.read(asset.path), asset)
     limits.count(asset, spacing, len(trained.means), "at least ")
     trained, floaters = _placed(trained, asset)
@@ -34,12 +34,17 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     body = enclose.enclose(trained, axes, spacing)
     inner = _inner(body, axes, trained.means, spacing)
     limits.count(asset, spacing, len(trained.means) + len(inner.X))
-    notes = (*notes, *_remarks(floaters, long, body))
-    return _together(trained, inner, body, axes, asset, spacing, seed, notes)
+    notes = (*notes, *_notes(floaters, long, body))
+    sh = np.zeros((len(trained.means) + len(inner.X), *trained.sh.shape[1:]), np.float32)
+    sh[: len(trained.sh)] = trained.sh
+    sh[len(trained.sh) :, :1] = gaussians.constant_sh(_inner_colours(trained, inner, asset, spacing, seed))
+    X = np.concatenate([trained.means, inner.X])
+    volume = body.volumes(X, axes, LEAST) * spacing**3
+    return _particles(trained, inner, volume, sh, spacing, notes)
 
 
 def _opaque(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, tuple[str, ...]]:
-    """The Gaussians of at least asset.opacity_threshold; raises ValueError when none is."""
+    """The Gaussians of at least asset.opacity_threshold, and a note; raises ValueError if there are none."""
     keep = trained.opacity >= asset.opacity_threshold
     if not keep.any():
         raise ValueError(
@@ -48,17 +53,18 @@ def _opaque(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, tuple[
         )
     dropped = int((~keep).sum())
     note = (f"{dropped} of {len(keep)} Gaussians are less opaque than {asset.opacity_threshold:g} and were dropped.",)
-    return _those(trained, keep), note if dropped else ()
+    return _select(trained, keep), note if dropped else ()
 
 
-def _those(trained: ply.Gaussians, keep: Array) -> ply.Gaussians:
+def _select(trained: ply.Gaussians, keep: Array) -> ply.Gaussians:
+    """The Gaussians with `keep`, (N,) bool."""
     return ply.Gaussians(trained.means[keep], trained.covariance[keep], trained.opacity[keep], trained.sh[keep])
 
 
 def _placed(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, int]:
-    """The Gaussians in the world without those that float apart from the object, and how many those were."""
-    keep = enclose.together(trained.means)
-    trained = _those(trained, keep)
+    """The Gaussians of the object in the world, and the number of dropped ones, detached from the object."""
+    keep = enclose.coherent(trained.means)
+    trained = _select(trained, keep)
     R = place.rotation(asset.rotate_deg)
     turned = trained.means @ R.T
     placement = place.fit(asset, turned.min(axis=0), turned.max(axis=0))
@@ -69,15 +75,18 @@ def _placed(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, int]:
 
 
 def _bounded(trained: ply.Gaussians, spacing: float) -> tuple[ply.Gaussians, int]:
-    """The Gaussians with standard deviations within [SHORTEST, LONGEST] spacings, and how many were too long."""
-    variances, axes = np.linalg.eigh(trained.covariance)
+    """The Gaussians with standard deviations clamped to [SHORTEST, LONGEST] spacings; the number of too long ones."""
+    variances, vectors = np.linalg.eigh(trained.covariance)
     bounded = np.clip(variances, (SHORTEST * spacing) ** 2, (LONGEST * spacing) ** 2)
     long = int((variances[:, 2] > bounded[:, 2]).sum())
-    return replace(trained, covariance=np.einsum("nij,nj,nkj->nik", axes, bounded, axes)), long
+    return replace(trained, covariance=np.einsum("nij,nj,nkj->nik", vectors, bounded, vectors)), long
 
 
 def _inner(body: enclose.Body, axes: list[Array], means: Array, spacing: float) -> fill.Filling:
-    """Lattice particles within a body, clear of the trained Gaussians at `means` (N, 3)."""
+    """Particles at lattice points inside a body, clear of the Gaussians at `means` (N, 3).
+
+    The lattice is given by three coordinate arrays.
+    """
     cells = np.argwhere(body.inside & ~body.shell)
     X = fill.points(axes, cells)
     gap, _ = cKDTree(means).query(X, distance_upper_bound=spacing)
@@ -87,8 +96,8 @@ def _inner(body: enclose.Body, axes: list[Array], means: Array, spacing: float) 
     return fill.Filling(X, np.zeros(n), depth, np.zeros((n, 3)), np.zeros(n, bool))
 
 
-def _remarks(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
-    """What a user should know."""
+def _notes(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
+    """Notes for the user."""
     notes = []
     if floaters:
         notes.append(f"{floaters} Gaussians float apart from the object and were dropped.")
@@ -101,20 +110,16 @@ def _remarks(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _together(
-    trained: ply.Gaussians, inner: fill.Filling, body: enclose.Body, axes: list[Array], asset: Asset,
-    spacing: float, seed: int, notes: tuple[str, ...],
-) -> Particles:  # fmt: skip
-    """Trained Gaussians first, interior particles after them."""
+def _particles(
+    trained: ply.Gaussians, inner: fill.Filling, volume: Array, sh: Array, spacing: float, notes: tuple[str, ...]
+) -> Particles:
+    """Particles of volumes (N,) [m^3] and coefficients sh (N, K, 3): trained Gaussians first, then interior ones."""
     X = np.concatenate([trained.means, inner.X])
-    shape = gaussians.covariance(inner, spacing)
-    sh = np.zeros((len(X), *trained.sh.shape[1:]), np.float32)
-    sh[: len(trained.sh)] = trained.sh
-    sh[len(trained.sh) :, :1] = gaussians.constant_sh(_inner_colours(trained, inner, asset, spacing, seed))
+    inner_covariance = gaussians.covariance(inner, spacing)
     return Particles(
         X=X.astype(np.float32),
-        volume=(body.shared(X, axes, LEAST) * spacing**3).astype(np.float32),
-        covariance=np.concatenate([ply.triangle(trained.covariance), shape]).astype(np.float32),
+        volume=volume.astype(np.float32),
+        covariance=np.concatenate([ply.triangle(trained.covariance), inner_covariance]).astype(np.float32),
         opacity=np.concatenate([trained.opacity, np.full(len(inner.X), gaussians.OPACITY)]).astype(np.float32),
         sh=sh,
         surface=np.arange(len(X)) < len(trained.means),
@@ -126,13 +131,14 @@ def _together(
 def _inner_colours(
     trained: ply.Gaussians, inner: fill.Filling, asset: Asset, spacing: float, seed: int
 ) -> Array:  # fmt: skip
-    """Colours (N, 3) of interior particles: near the surface that of the Gaussians there, then the inside's own."""
-    skin = np.clip(0.5 + gaussians.SH_C0 * trained.sh[:, 0], 0.0, 1.0)
-    rgb = paint.inside(asset.interior, skin, (inner.X - place.HOME) / asset.size, seed)
+    """Colours (N, 3) of interior particles: near the surface those of the nearest Gaussians, deeper the inside's."""
+    surface_rgb = np.clip(0.5 + gaussians.SH_C0 * trained.sh[:, 0], 0.0, 1.0)
+    rgb = paint.inside(asset.interior, surface_rgb, (inner.X - place.HOME) / asset.size, seed)
     under = np.flatnonzero(inner.depth < paint.DEEP * spacing)
-    k = min(4, len(skin))
+    k = min(4, len(surface_rgb))
     near = cKDTree(trained.means).query(inner.X[under], k=k)[1].reshape(len(under), k)
     weight = trained.opacity[near]
-    above = np.einsum("nk,nkc->nc", weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9), skin[near])
+    share = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-9)
+    above = np.einsum("nk,nkc->nc", share, surface_rgb[near])
     rgb[under] = paint.blend(above, rgb[under], inner.depth[under] / spacing)
     return rgb

@@ -1,7 +1,7 @@
-"""Triangles with colours, whatever file they came from: OBJ, GLB, glTF, PLY or STL, read by trimesh.
+"""Coloured triangles of an OBJ, GLB, glTF, PLY or STL file, read by trimesh.
 
-Colour is kept at the corners of each triangle (texture coordinates, vertex or face colours, material factors), so
-nothing is lost where vertices are shared, and several materials in a scene are as good as one.
+Colours are kept at the corners of each triangle (texture coordinates, vertex or face colours, material factors). So
+shared vertices may have several colours, and several materials of a scene form one surface.
 """
 
 from dataclasses import dataclass
@@ -13,10 +13,11 @@ from fracsim.records import Array
 
 MOST_TRIANGLES = 5_000_000
 GREY = 0.6
-"""Colour, sRGB, of what has none."""
+"""Colour, sRGB, of triangles without one."""
 UNSET = (102, 102, 102, 255)
-"""What trimesh puts for a diffuse colour that a file does not give."""
-SHARP = 0.7  # cosine between a face and its vertex normal below which the edge counts as sharp
+"""The diffuse colour that trimesh sets if the file gives none."""
+SHARP = 0.7
+"""An edge is sharp if the cosine between its face and vertex normals is below this."""
 
 
 @dataclass(frozen=True)
@@ -26,29 +27,29 @@ class Surface:
     corners: Array
     """Positions, (T, 3, 3)."""
     normals: Array
-    """Shading normals at the corners, unit, outward as far as the file is, (T, 3, 3)."""
+    """Unit shading normals at the corners, (T, 3, 3), outward if the file's are."""
     rgb: Array
     """Colours at the corners, sRGB in [0, 1]; they multiply the texture, (T, 3, 3)."""
     uv: Array
     """Texture coordinates at the corners, origin below left, (T, 3, 2)."""
     texture: Array
-    """Index into `images`, -1 without, (T,)."""
+    """Index into `images`, -1 for no texture, (T,)."""
     images: tuple[Array, ...]
     """Textures, rows from the top, (H, W, 3) uint8, sRGB."""
     watertight: bool
-    """Whether every edge of the file has a partner, vertices taken as they are stored."""
+    """Whether every edge of the file has a partner, without welding of vertices."""
     notes: tuple[str, ...] = ()
-    """What a user should know about the file."""
+    """Notes for the user about the file."""
 
 
 def read(path: str) -> Surface:
-    """The triangles of a mesh file; raises ValueError naming asset.path for whatever cannot be used."""
+    """The triangles of a mesh file; raises ValueError, with asset.path, for an unusable file."""
     import trimesh
 
     try:
         scene = trimesh.load_scene(path, process=False)
         parts = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
-    except Exception as error:  # trimesh lets many kinds through, one a format
+    except Exception as error:  # trimesh raises a different kind for each format
         raise ValueError(
             f"asset.path={path} cannot be read as a mesh ({type(error).__name__}: {error}): export it again, as GLB."
         ) from error
@@ -96,7 +97,7 @@ def _joined(parts: list[Any]) -> Surface:
 
 
 def _corner_normals(part: Any) -> Array:
-    """Vertex normals at the corners; the face's own where they differ much, as on the sharp edges of a box."""
+    """Normals at the corners, (T, 3, 3): vertex normals, or the face's own at sharp edges, as those of a box."""
     vertex, face = part.vertex_normals[part.faces], _face_normals(part)
     sharp = np.einsum("tcj,tj->tc", vertex, face) < SHARP
     out: Array = np.where(sharp[..., None], face[:, None, :], vertex)
@@ -104,7 +105,7 @@ def _corner_normals(part: Any) -> Array:
 
 
 def _face_normals(part: Any) -> Array:
-    """Unit normals (T, 3), zero for triangles without area."""
+    """Unit normals (T, 3), zero for triangles of no area."""
     a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
     cross = np.cross(b - a, c - a)
     out: Array = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
@@ -112,7 +113,9 @@ def _face_normals(part: Any) -> Array:
 
 
 def _colours(part: Any) -> tuple[Array, Array, Array, list[Array], bool]:
-    """Corner colours, corner uv, texture index, textures of a geometry, and whether it had any colour."""
+    """Of a geometry: corner colours (T, 3, 3), texture coordinates (T, 3, 2), texture indices (T,), textures (H, W, 3)
+    each, and whether it had any colour.
+    """
     n, visual = len(part.faces), part.visual
     rgb, uv, index = np.ones((n, 3, 3)), np.zeros((n, 3, 2)), np.full(n, -1)
     if visual.kind in ("vertex", "face"):
@@ -131,7 +134,10 @@ def _colours(part: Any) -> tuple[Array, Array, Array, list[Array], bool]:
 
 
 def _materials(visual: Any, rgb: Array, index: Array, painted: bool) -> list[Array]:
-    """Multiplies the factors of a geometry's materials into `rgb` and sets the texture `index`; the textures."""
+    """Multiplies the factors of a geometry's materials into `rgb` (T, 3, 3) and sets the texture `index` (T,).
+
+    Returns the textures, (H, W, 3) uint8 each.
+    """
     images: list[Array] = []
     materials = getattr(visual.material, "materials", None) or [visual.material]
     owner = getattr(visual, "face_materials", None)
@@ -149,11 +155,11 @@ def _materials(visual: Any, rgb: Array, index: Array, painted: bool) -> list[Arr
 
 
 def _material(material: Any) -> tuple[Array | None, Array | None]:
-    """Colour factor (3,) as sRGB and texture (H, W, 3) of a material, None where it has none."""
+    """Colour factor (3,), sRGB, and texture (H, W, 3) uint8 of a material, None for what it lacks."""
     if hasattr(material, "baseColorFactor"):  # physically based: factors are linear (glTF 2.0, 3.9.2)
         factor, image = material.baseColorFactor, material.baseColorTexture
         factor = None if factor is None else _srgb(_unit(factor)[:3])
-    else:  # an OBJ file's Kd is a display colour, and viewers take a map in its place
+    else:  # Kd of an OBJ file is a display colour, and viewers use a map instead of it
         factor, image = _unit(material.diffuse)[:3], material.image
         if image is not None or np.array_equal(material.diffuse, UNSET):
             factor = None
@@ -161,12 +167,12 @@ def _material(material: Any) -> tuple[Array | None, Array | None]:
 
 
 def _unit(values: Any) -> Array:
-    """Colour values in [0, 1] from integers of any width, or from numbers that are so already."""
+    """Colour values in [0, 1], of the shape of `values`, from integers of any width or from numbers in [0, 1]."""
     values = np.asarray(values)
     out: Array = values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
     return out
 
 
 def _srgb(linear: Array) -> Array:
-    """Display values of linear intensities (IEC 61966-2-1)."""
+    """Display values, (3,), of linear intensities (3,) (IEC 61966-2-1)."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)

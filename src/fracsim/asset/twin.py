@@ -37,13 +37,13 @@ class Twin:
         return volume(self._same(), self._spacing) if exact is None else exact
 
     def distance(self, axes: list[Array]) -> Array:
-        """As in `fracsim.asset.fill.Solid`."""
+        """Signed distances (nx, ny, nz) [m] on a grid, as in `fracsim.asset.fill.Solid`."""
         return self._solid.distance(axes)
 
     def contains(self, axes: list[Array], index: Array) -> Array:
-        """As in `fracsim.asset.fill.Solid`."""
+        """Whether the grid points `index` (M, 3) are inside, (M,) bool, as in `fracsim.asset.fill.Solid`."""
         return self._solid.contains(axes, index)
 
     def settle(self, P: Array, depth: float) -> tuple[Array, Array]:
-        """As in `fracsim.asset.fill.Solid`."""
+        """Points P (N, 3) moved to a depth, and normals (N, 3), as in `fracsim.asset.fill.Solid`."""
         return self._solid.settle(P, depth)

@@ -1,4 +1,4 @@
-"""Whether triangles make a closed surface, once vertices that texture seams split in the file are welded."""
+"""Welding of vertices that a file splits at texture seams; whether the triangles then form a closed surface."""
 
 from dataclasses import dataclass
 
@@ -9,36 +9,36 @@ from scipy.sparse.csgraph import connected_components
 from fracsim.records import Array
 
 TOLERANCE = 1e-6
-"""Vertices nearer than this, relative to the largest extent, are one."""
+"""Vertices nearer than this, relative to the largest extent, are welded."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles without duplicates, with what their edges say."""
+    """Triangles without duplicates, and the properties of their edges."""
 
     corners: Array
     """Positions [m], (T, 3, 3)."""
     closed: bool
     """Whether every edge has a partner."""
     oriented: bool
-    """Whether neighbours agree on which side is out."""
+    """Whether neighbours agree on the outward side."""
 
     @property
     def volume(self) -> float:
-        """Volume within a closed, oriented surface [m^3]."""
+        """Volume [m^3] within a closed, oriented surface."""
         a, b, c = (self.corners - self.corners.mean(axis=(0, 1))).transpose(1, 0, 2)
         return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
 
     @property
     def rough(self) -> tuple[float, float]:
-        """Volume, at most that of the bounding box, and area, as estimates [m^3, m^2]."""
+        """Estimates of volume [m^3], at most that of the bounding box, and area [m^2]."""
         a, b, c = self.corners.transpose(1, 0, 2)
         box = float(np.prod(np.ptp(self.corners, axis=(0, 1))))
         return min(self.volume, box), float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
 
 
 def weld(corners: Array) -> Mesh:
-    """The mesh of triangles (T, 3, 3), its neighbours turned to agree where they do not."""
+    """The mesh of triangles (T, 3, 3), consistently oriented if possible."""
     positions, faces = _faces(corners)
     uses, balance = _edges(faces)
     if (balance[uses == 2] != 0).any():
@@ -50,10 +50,13 @@ def weld(corners: Array) -> Mesh:
 
 
 def _faces(corners: Array) -> tuple[Array, Array]:
-    """Welded positions (V, 3) and triangles (F, 3) of their indices; collapsed and repeated ones are left out."""
+    """Welded positions (V, 3), and triangles (F, 3) of their indices, of corners (T, 3, 3).
+
+    Collapsed and repeated triangles are left out.
+    """
     P = corners.reshape(-1, 3)
     steps = np.round((P - P.min(axis=0)) / (TOLERANCE * np.ptp(P, axis=0).max())).astype(np.int64)
-    # 21 bits an axis hold 1 / TOLERANCE steps, so that one integer stands for a position.
+    # 1 / TOLERANCE steps fit in 21 bits an axis, so that one integer stands for a position.
     _, first, vertex = np.unique(steps @ (1 << np.array([42, 21, 0])), return_index=True, return_inverse=True)
     faces = vertex.reshape(-1, 3)
     order = np.sort(faces, axis=1)
@@ -63,31 +66,31 @@ def _faces(corners: Array) -> tuple[Array, Array]:
 
 
 def _directed(faces: Array) -> tuple[Array, Array]:
-    """Undirected edge number of each side of each triangle, (F, 3), and its direction, +1 or -1, (F, 3)."""
+    """Undirected edge number, (F, 3), and direction +1 or -1, (F, 3), of each side of triangles (F, 3)."""
     a, b = faces, np.roll(faces, -1, axis=1)
     key = np.minimum(a, b) * np.int64(faces.max() + 1) + np.maximum(a, b)
     return np.unique(key, return_inverse=True)[1].reshape(faces.shape), np.where(a < b, 1, -1)
 
 
 def _edges(faces: Array) -> tuple[Array, Array]:
-    """How many triangles use each undirected edge, (E,), and the sum of their directions, (E,)."""
-    edge, way = _directed(faces)
-    return np.bincount(edge.ravel()), np.rint(np.bincount(edge.ravel(), way.ravel())).astype(int)
+    """Number of triangles (F, 3) at each undirected edge, (E,), and the sum of their directions, (E,)."""
+    edge, direction = _directed(faces)
+    return np.bincount(edge.ravel()), np.rint(np.bincount(edge.ravel(), direction.ravel())).astype(int)
 
 
 def _turned(positions: Array, faces: Array) -> Array:
-    """Triangles flipped so that neighbours agree and each body has a positive volume.
+    """Triangles `faces` (F, 3) of positions (V, 3), flipped so that neighbours agree and volumes are positive, (F, 3).
 
-    Each triangle appears twice in a graph, as it is and flipped; neighbours are joined in the states that agree, and
-    a component of the graph is one consistent choice (its mirror image is another component).
+    Each triangle is two nodes of a graph, as it is and flipped. Neighbours are joined in the states that agree. A
+    component of the graph is one consistent orientation; the opposite one is another component.
     """
     n = len(faces)
-    edge, way = (a.ravel() for a in _directed(faces))
+    edge, direction = (a.ravel() for a in _directed(faces))
     order = np.argsort(edge, kind="stable")
     p, q = order[:-1], order[1:]
     two = (edge[p] == edge[q]) & (np.bincount(edge)[edge[p]] == 2)
     p, q = p[two], q[two]
-    f, g, clash = p // 3, q // 3, (way[p] == way[q]).astype(int)
+    f, g, clash = p // 3, q // 3, (direction[p] == direction[q]).astype(int)
     ends = np.concatenate([f, f + n]), np.concatenate([g + n * clash, g + n * (1 - clash)])
     graph = coo_matrix((np.ones(2 * len(f)), ends), shape=(2 * n, 2 * n))
     _, state = connected_components(graph, directed=False)

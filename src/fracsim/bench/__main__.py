@@ -20,56 +20,64 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "memory": memory.rows,
 }
 STUDIES = ("pareto", "published", "thresholds", "mesh", "skips")
-"""Modules that take minutes and are run only when they are named; their `study(out, quick)` may draw a picture too."""
+"""Modules that take minutes and run only by name. Their `study(out, quick)` may also write a plot to `out`."""
 FOLDER = Path("docs/benchmarks")
 
 
-def arguments(words: Sequence[str] | None) -> argparse.Namespace:
-    """What the user wants."""
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The parsed options; an unknown name is an error."""
     parser = argparse.ArgumentParser(prog="python -m fracsim.bench", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="small sizes: does it run? (no targets)")
-    told = f"what to measure: {', '.join(PARTS)} (all of them by default); {', '.join(STUDIES)} take minutes"
-    parser.add_argument("names", metavar="NAME", nargs="*", help=told)
+    parser.add_argument("--quick", action="store_true", help="small sizes without targets, to see whether it runs")
+    names_help = f"what to measure: {', '.join(PARTS)} (default: all of these); {', '.join(STUDIES)} take minutes"
+    parser.add_argument("names", metavar="NAME", nargs="*", help=names_help)
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for the CSV file ({FOLDER})")
-    wanted = parser.parse_args(words)
-    for name in wanted.names:
+    options = parser.parse_args(argv)
+    for name in options.names:
         if name not in (*PARTS, *STUDIES):
             parser.error(f"NAME={name} is not known: choose from {', '.join([*PARTS, *STUDIES])}.")
-    return wanted
+    return options
 
 
-def study(name: str) -> Callable[[Path, bool], Iterator[Row]]:
-    """The study of this name, which brings Taichi along."""
-    found: Callable[[Path, bool], Iterator[Row]] = import_module(f"fracsim.bench.{name}").study
+def measurement(name: str, options: argparse.Namespace) -> Iterator[Row]:
+    """The rows of a part or a study. The module of a study is imported here, since it imports Taichi."""
+    if name in PARTS:
+        return PARTS[name](plan_of(options))
+    found: Iterator[Row] = import_module(f"fracsim.bench.{name}").study(options.out, options.quick)
     return found
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print and store; a missed target is said in the table and is no error."""
-    wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 132)
-    plan = QUICK if wanted.quick else FULL
+def plan_of(options: argparse.Namespace) -> Plan:
+    """The sizes to measure."""
+    return QUICK if options.quick else FULL
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, print and store; 130 if interrupted. A missed target is marked in the table and is no error."""
+    options, console = arguments(argv), Console(highlight=False, width=None if sys.stdout.isatty() else 132)
+    size = plan_of(options).name
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
-    names = wanted.names or list(PARTS)
+    names = options.names or list(PARTS)
     parts = [name for name in names if name in PARTS]
-    some = f"{'_'.join(parts)}_" if set(parts) < set(PARTS) else ""  # never in the place of the whole
+    some = (
+        f"{'_'.join(parts)}_" if set(parts) < set(PARTS) else ""
+    )  # an incomplete file does not replace a complete one
     rows: dict[str, list[Row]] = {}
     for k, name in enumerate(names, 1):
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
-        file = f"{some}{plan.name}" if name in PARTS else f"{name}_{plan.name}"
-        found = PARTS[name](plan) if name in PARTS else study(name)(wanted.out, wanted.quick)
+        file = f"{some}{size}" if name in PARTS else f"{name}_{size}"
         rows.setdefault(file, [])
         with console.status(name) as status:
             try:
-                for row in found:
+                for row in measurement(name, options):
                     status.update(f"{row.benchmark}: {row.variant}")
-                    rows[file].append(row.without_target() if wanted.quick else row)
+                    rows[file].append(row.without_target() if options.quick else row)
             except KeyboardInterrupt:
                 console.print(table(rows[file]))
-                console.print(f"interrupted: {name} is not stored; what was stored before stays", soft_wrap=True)
+                console.print(f"interrupted: {name} is not stored; files stored before remain", soft_wrap=True)
                 return 130
-        if name not in PARTS or name == parts[-1]:  # the parts share a file; a study is stored before the next begins
+        if name not in PARTS or name == parts[-1]:  # parts share a file; each study has its own
             console.print(table(rows[file]))
-            console.print(f"stored in {write(rows[file], wanted.out, file)}", soft_wrap=True)
+            console.print(f"stored in {write(rows[file], options.out, file)}", soft_wrap=True)
     return 0
 
 

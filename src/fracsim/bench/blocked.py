@@ -1,8 +1,8 @@
-"""A substep for comparison without SVD and without atomics: blocks of particles, scattered in eight colours.
+"""A substep for comparison, without SVD and without atomics: blocks of particles, scattered in eight colours.
 
-The same motion as `plain`. Particles are sorted by blocks of 4^3 cells; two blocks of one colour have another block
-between them, so that the threads that scatter them never meet at a node. Only nodes near a particle are visited, and
-the rotation comes from Newton's iteration. Blocks are laid once: good for motions of less than a cell.
+It computes the same motion as `plain`. Particles are sorted by blocks of 4^3 cells. Blocks of one colour are separated
+by other blocks, so that the threads that scatter them never share a node. Only nodes near a particle are visited. The
+rotation comes from Newton's iteration. Blocks are chosen once, so that motions must stay below a cell.
 """
 
 import numpy as np
@@ -13,9 +13,10 @@ from fracsim.records import Array
 from fracsim.scene.vocab import DOMAIN
 
 BLOCK = 4
-"""Edge of a block [cells]; a particle reaches two cells further."""
-SHARE = 512
-"""Taichi splits loops no finer than this: a loop over heavy items is padded by it."""
+"""Edge of a block [cells]; particles scatter up to two cells beyond."""
+PAD = 512
+"""Taichi runs up to this many consecutive iterations on one thread. A loop over blocks is padded to PAD iterations a
+block, so that each block can have its own thread."""
 MU, LAM = bar.material("fixed_corotated").mu, bar.material("fixed_corotated").lam
 
 real33 = ti.types.matrix(3, 3, ti.f32)
@@ -27,7 +28,7 @@ Indices = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 @ti.func
 def stencil(y):
-    """Lowest node, offset [cells] and weights of the particle at y [cells]."""
+    """Lowest node, offset from it [cells] and weights along each axis, (3,) each, of a particle at y [cells], (3,)."""
     base = ti.cast(y - 0.5, ti.i32)
     f = y - base
     return base, f, [0.5 * (1.5 - f) ** 2, 0.75 - (f - 1) ** 2, 0.5 * (f - 0.5) ** 2]
@@ -35,7 +36,7 @@ def stencil(y):
 
 @ti.func
 def kirchhoff(F):
-    """tau = 2 mu (F - R) F^T + lam J (J - 1) I, with R by R <- (R + R^-T) / 2 from F (Higham 1986)."""
+    """tau = 2 mu (F - R) F^T + lam J (J - 1) I [Pa]; R <- (R + R^-T) / 2, from R = F (Higham 1986)."""
     J = F.determinant()
     R = F
     for _ in ti.static(range(4)):
@@ -48,19 +49,30 @@ def kirchhoff(F):
 
 
 @ti.kernel
-def clear(live: Indices, nodes: Nodes):
-    """Empty the nodes."""
+def clear(
+    live: Indices,  # nodes near a particle, (L,)
+    nodes: Nodes,  # (nodes,)
+):
+    """Set the nodes near particles to zero."""
     for q in live:
         nodes[live[q]] = ti.Vector.zero(ti.f32, 4)
 
 
 @ti.kernel
-def scatter(first: ti.i32, end: ti.i32, dt: ti.f32, h: ti.f32, m: ti.f32, volume: ti.f32, sx: ti.i32, sy: ti.i32,
-            start: Indices, stop: Indices, x: Vectors, v: Vectors, C: Matrices, F: Matrices, nodes: Nodes):  # fmt: skip
-    """What the blocks first .. end - 1, of one colour, send to the nodes."""
-    for q in range(first * SHARE, end * SHARE):
-        if q % SHARE == 0:
-            for p in range(start[q // SHARE], stop[q // SHARE]):
+def scatter(
+    first: ti.i32, end: ti.i32,  # blocks first, ..., end - 1 of one colour
+    dt: ti.f32, h: ti.f32,  # [s], [m]
+    m: ti.f32, volume: ti.f32,  # of a particle [kg], [m^3]
+    sx: ti.i32, sy: ti.i32,  # nodes from one to the next along x, along y
+    start: Indices, stop: Indices,  # first particle and end of each block, (blocks,)
+    x: Vectors, v: Vectors,  # [m], [m/s], (N,)
+    C: Matrices, F: Matrices,  # [1/s], [1], (N,)
+    nodes: Nodes,  # out: momentum [kg m/s] and mass [kg], (nodes,)
+):  # fmt: skip
+    """Add momentum, mass and the impulse of the stress of some blocks to the nodes (P2G)."""
+    for q in range(first * PAD, end * PAD):
+        if q % PAD == 0:
+            for p in range(start[q // PAD], stop[q // PAD]):
                 base, f, w = stencil(x[p] / h)
                 damped = C[p] - bar.RPIC / 2 * (C[p] + C[p].transpose())
                 affine = m * h * damped - (dt * volume * 4 / h) * kirchhoff(F[p])
@@ -74,8 +86,11 @@ def scatter(first: ti.i32, end: ti.i32, dt: ti.f32, h: ti.f32, m: ti.f32, volume
 
 
 @ti.kernel
-def accelerate(live: Indices, nodes: Nodes):
-    """From momentum to velocity; the grid keeps a part of it."""
+def accelerate(
+    live: Indices,  # nodes near a particle, (L,)
+    nodes: Nodes,  # in: momentum and mass; out: velocity [m/s], (nodes,)
+):
+    """Turn momenta into velocities, reduced by the grid's decay."""
     for q in live:
         n = nodes[live[q]]
         if n[3] > 0:
@@ -83,9 +98,14 @@ def accelerate(live: Indices, nodes: Nodes):
 
 
 @ti.kernel
-def gather(dt: ti.f32, h: ti.f32, sx: ti.i32, sy: ti.i32, x: Vectors, v: Vectors, C: Matrices, F: Matrices,
-           nodes: Nodes):  # fmt: skip
-    """New velocities, positions and deformation of the particles from the nodes."""
+def gather(
+    dt: ti.f32, h: ti.f32,  # [s], [m]
+    sx: ti.i32, sy: ti.i32,  # nodes from one to the next along x, along y
+    x: Vectors, v: Vectors,  # in and out: [m], [m/s], (N,)
+    C: Matrices, F: Matrices,  # in and out: [1/s], [1], (N,)
+    nodes: Nodes,  # velocity [m/s], (nodes,)
+):  # fmt: skip
+    """Update velocities, positions and deformation gradients of the particles from the nodes (G2P)."""
     for p in x:
         base, f, w = stencil(x[p] / h)
         at = base[0] * sx + base[1] * sy + base[2]
@@ -104,6 +124,7 @@ class Blocked:
     """The particles of a bar, sorted by block, and a box of nodes around them."""
 
     def __init__(self, X: Array, v: Array, cells: int) -> None:
+        """Positions X (N, 3) [m] and velocities v (N, 3) [m/s]; `cells` along the domain."""
         self.h = DOMAIN / cells
         cell = np.floor(X / self.h - 0.5).astype(np.int64)
         self.lowest = (cell.min(axis=0) // BLOCK - 1) * BLOCK
@@ -119,7 +140,7 @@ class Blocked:
         self.F.from_numpy(np.tile(np.eye(3, dtype=np.float32), (n, 1, 1)))
 
     def _near(self, cell: Array) -> Array:
-        """Nodes that a particle reaches before it has moved by a cell."""
+        """Nodes (L,) within reach of particles in `cell` (N, 3) as long as these move by less than a cell."""
         near = np.zeros(self.shape, bool)
         for offset in np.ndindex(5, 5, 5):
             near[tuple((cell + offset - 1).T)] = True
@@ -129,7 +150,7 @@ class Blocked:
         return int(self.x.shape[0])
 
     def run(self, substeps: int) -> None:
-        """Advance by substeps of length DT."""
+        """Advance by `substeps` of length DT."""
         volume = (self.h / 2) ** 3
         sx, sy = int(self.shape[1] * self.shape[2]), int(self.shape[2])
         for _ in range(substeps):
@@ -141,14 +162,18 @@ class Blocked:
             gather(bar.DT, self.h, sx, sy, self.x, self.v, self.C, self.F, self.nodes)
 
     def positions(self) -> Array:
-        """Present positions [m], (N, 3), in the order given."""
+        """Present positions [m], (N, 3), in the order of X."""
         out = np.empty((len(self.order), 3))
         out[self.order] = self.x.to_numpy() + self.lowest * self.h
         return out
 
 
 def _colour(block: Array) -> tuple[Array, Array, Array, list[int]]:
-    """From each particle's block, (N, 3): the order by block, where each block starts and stops, blocks by colour."""
+    """Order of the particles by block, from the block of each particle, (N, 3).
+
+    Returns particle indices by block, (N,), first particle and end of each block in the order of colours, (blocks,)
+    each, and the first block of each of the eight colours with the end of the last, 9 numbers.
+    """
     size = block.max(axis=0) + 1
     key = np.ravel_multi_index(tuple(block.T), tuple(size))
     order = np.argsort(key, kind="stable")
@@ -160,6 +185,7 @@ def _colour(block: Array) -> tuple[Array, Array, Array, list[int]]:
 
 
 def _indices(values: Array) -> ti.Ndarray:
+    """Integers (n,) as an array of Taichi, (n,) int32."""
     array = ti.ndarray(ti.i32, len(values))
     array.from_numpy(values.astype(np.int32))
     return array

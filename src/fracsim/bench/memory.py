@@ -1,4 +1,4 @@
-"""Peak memory of a whole run, from the object to the films, of a bar that tears."""
+"""Peak memory of a whole run of a bar that tears, from the object to the videos."""
 
 import argparse
 import json
@@ -16,22 +16,22 @@ from fracsim.bench.worker import Worker
 from fracsim.scene.vocab import Asset, Capture, Fracture, Loading, Material, Output, Scene, Solver
 
 MOST = 2.0
-"""GiB that 200,000 particles may take."""
+"""Target for 200,000 particles [GiB]."""
 
 
 def rows(plan: Plan) -> Iterator[Row]:
-    """Run once, with Taichi's usual cache; an error if the bar did not tear, for then little was asked of it."""
+    """One run, with Taichi's usual cache. Raises RuntimeError if the bar does not tear: tearing needs most memory."""
     with Worker("memory", plan.memory_cells) as worker:
-        told = worker.ready
-    if not told["failed"]:
+        result = worker.ready
+    if not result["failed"]:
         raise RuntimeError("the bar of the memory benchmark did not tear: change its scene.")
-    what = f"peak memory, {told['particles']:,} particles"
-    yield Row(what, "process and video encoders", told["process"] + told["encoders"], "GiB", most=MOST)
-    yield Row(what, "video encoders", told["encoders"], "GiB")
+    what = f"peak memory, {result['particles']:,} particles"
+    yield Row(what, "process and video encoders", result["process"] + result["encoders"], "GiB", most=MOST)
+    yield Row(what, "video encoders", result["encoders"], "GiB")
 
 
 def scene(cells: int, folder: str) -> Scene:
-    """A bar so brittle that it tears within a few frames; RGB and four maps of 512 x 512."""
+    """A brittle bar that tears within a few frames; RGB and four maps of 512 x 512."""
     return Scene(
         asset=Asset(name="bar"),
         material=Material(E=6e3, nu=NU, density=DENSITY, viscosity=44.4, decay=5.0),
@@ -44,7 +44,7 @@ def scene(cells: int, folder: str) -> Scene:
 
 
 class Encoders(threading.Thread):
-    """Watches how much memory the processes started by this one take together (Linux; 0 elsewhere)."""
+    """Watches the total memory of the child processes of this process (Linux; 0 elsewhere)."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -52,20 +52,20 @@ class Encoders(threading.Thread):
         self._done = threading.Event()
 
     def run(self) -> None:
-        """Look every 50 ms until told to stop."""
+        """Sample every 50 ms until `stop`."""
         while not self._done.wait(0.05):
             pids = [pid for file in Path("/proc/self/task").glob("*/children") for pid in file.read_text().split()]
             self.most = max(self.most, sum(map(resident, pids)))
 
     def stop(self) -> float:
-        """The largest sum of resident memory [GiB]."""
+        """Stop sampling; returns the largest sum of resident memory [GiB]."""
         self._done.set()
         self.join()
         return self.most
 
 
 def resident(pid: str) -> float:
-    """Resident memory of a process [GiB]; 0 when it has ended."""
+    """Resident memory of a process [GiB]; 0 if it has ended."""
     try:
         return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize() / 2**30
     except OSError:
@@ -73,12 +73,12 @@ def resident(pid: str) -> float:
 
 
 def peak() -> float:
-    """Largest resident memory of this process so far [GiB]; the system tells KiB on Linux and bytes on macOS."""
+    """Peak resident memory of this process [GiB]. The system reports KiB on Linux and bytes on macOS."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
 
 
 def main() -> None:
-    """Be the process whose memory is measured."""
+    """The process whose memory is measured: run the scene and print the figures as JSON."""
     parser = argparse.ArgumentParser()
     parser.add_argument("cells", type=int)
     cells = parser.parse_args().cells
@@ -88,8 +88,8 @@ def main() -> None:
     encoders.start()
     with tempfile.TemporaryDirectory() as folder:
         report = pipeline.run(scene(cells, folder)).sample().meta["report"]
-    told = {"process": peak(), "encoders": encoders.stop()}
-    print(json.dumps({**told, "particles": report["particles"], "failed": report["failed"]}), flush=True)
+    result = {"process": peak(), "encoders": encoders.stop()}
+    print(json.dumps({**result, "particles": report["particles"], "failed": report["failed"]}), flush=True)
 
 
 if __name__ == "__main__":

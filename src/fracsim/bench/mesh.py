@@ -1,4 +1,4 @@
-"""How the work of a crack depends on the cells, with and without `fracture.length`."""
+"""Dependence of the work of a crack on the cell size, with and without `fracture.length`."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,29 +16,32 @@ from fracsim.solve.simulator import Simulator
 COARSE = 50
 """Cells along 2 m of the coarsest bar."""
 H = 2 / COARSE
+"""Its cell size [m]."""
 THRESHOLDS = {"low stretch": ("fixed_corotated", 0.3, Fracture(onset=1.5, crit=2.3), 0.03),
               "high stretch": ("neo_hookean", 0.45, Fracture(onset=2.6, crit=3.0), 0.1)}  # fmt: skip
 """Law, Poisson's ratio, thresholds, and speed of each grip [m/s] at E = 2e3 Pa: 1 and 3 % of sqrt(E / density)."""
 SHIFTS = (0.1, 0.6)
-"""Places of the notch [particle spacings], all that differ: it begins at a face of a cell, or in the middle of one."""
+"""Places of the notch [particle spacings]: it begins at a face of a cell, or in the middle of one."""
 FRAMES, AFTER = 450, 3
-"""Frames until the bar must have parted, and after it has, while what hangs on tears: a wave crosses the section in
-them, and is not back from the grips."""
+"""Most frames until the bar parts, and frames after that in which the last ligaments tear. In these a wave crosses the
+section and does not yet return from the grips."""
 
 
 class Crack(NamedTuple):
-    """What it took to part a bar."""
+    """The crack that parts a bar."""
 
     work: float
-    """Energy taken by damage over the area of what failed, one cell wide [J/m^2]."""
+    """Energy lost to damage over the crack's area [J/m^2], the failed volume over the cell size."""
     width: float
-    """Length along the pull in which something failed [cells]."""
+    """Width of the crack along the pull [cells]."""
     stretch: float
     """Nominal stretch at the break."""
 
 
 def parting(law: str, nu: float, fracture: Fracture, speed: float, cells: int, shift: float) -> Crack:
-    """Pull a bar with a notch, one flank of which is steep and the other slopes, so that it tears at the steep one."""
+    """Pull a notched bar until it parts. One flank of the notch is steep, the other slopes: the crack is at the steep
+    one, `shift` spacings from a face of a cell.
+    """
     solver = Solver(cells=cells, damping="none")
     gap = solver.spacing
     X = lattice((20 * H, 6 * H, 4 * gap), gap)
@@ -63,7 +66,7 @@ def parting(law: str, nu: float, fracture: Fracture, speed: float, cells: int, s
 
 
 def study(out: Path, quick: bool) -> Iterator[Row]:
-    """h, h / 2 and h / 4, thresholds as they are and belonging to the coarsest cells."""
+    """Cracks on cells h, h / 2 and h / 4, with fixed thresholds and with thresholds meant for the coarsest cells."""
     backend.start(Backend(threads=1))
     for name, (law, nu, fracture, speed) in THRESHOLDS.items():
         for length in (0.0, H):

@@ -1,4 +1,4 @@
-"""This project's substep on the bar, pulled by grips as in the default scene."""
+"""This project's substep of the bar, pulled by grips as in the default scene."""
 
 import numpy as np
 
@@ -10,9 +10,13 @@ from fracsim.solve import setup
 
 
 class Ours:
-    """The particles of a bar in a `State`; `pressure` as in Solver, `threads` as in Backend, 0 = all cores."""
+    """The bar in a `State`."""
 
     def __init__(self, X: Array, v: Array, cells: int, law: str, pressure: str, threads: int) -> None:
+        """Positions X (N, 3) [m] and velocities v (N, 3) [m/s]; `cells` along the domain.
+
+        `pressure` is solver.pressure, `threads` is backend.threads.
+        """
         solver = Solver(cells=cells, pressure=pressure, damping="per_substep")
         scene = Scene(material=bar.material(law), solver=solver, backend=Backend(threads=threads))
         by = order((X - np.asarray(CENTRE)) / solver.h)
@@ -23,12 +27,12 @@ class Ours:
         return self.state.n
 
     def run(self, substeps: int) -> None:
-        """Advance by substeps of length DT."""
+        """Advance by `substeps` of length DT."""
         self.state.run(substeps, bar.DT, 0.0)
 
 
 def particles(X: Array, spacing: float) -> Particles:
-    """Particles of equal volume; how they look has no part in the substep."""
+    """Particles of equal volume at X (N, 3) [m]; their look plays no part in the substep."""
     n = len(X)
     return Particles(
         X=X,

@@ -1,11 +1,11 @@
-"""How large the measurements are."""
+"""Sizes of the measurements."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes and repeats of one run of the benchmark; the targets are about `FULL`."""
+    """Sizes and repeats of one run of the benchmark; the targets apply to `FULL`."""
 
     name: str
     """`full` or `quick`."""
@@ -16,11 +16,11 @@ class Plan:
     rounds: int
     """Timings of each competitor."""
     gaussians: int
-    """Gaussians of the rasteriser's picture."""
+    """Gaussians of the rasteriser's image."""
     pixels: int
-    """Its width and height [px]."""
+    """Width and height of this image [px]."""
     run: tuple[str, ...]
-    """Overrides of the run for cold and warm start; `FULL` has those of `make demo`."""
+    """Overrides of the run for cold and warm start; those of `make demo` in `FULL`."""
     memory_cells: int
     """Cells along the domain for the peak memory: a bar of 200,000 particles needs 203."""
 

@@ -1,4 +1,4 @@
-"""What was measured, as rows of a table and of a CSV file."""
+"""Measured figures, as rows of a table and of a CSV file."""
 
 import csv
 import re
@@ -14,7 +14,7 @@ from fracsim.lab.machine import machine
 
 @dataclass(frozen=True)
 class Row:
-    """One figure; `most` or `least` is what it has to keep to, if anything."""
+    """One figure; its target is `most` or `least`, or there is none."""
 
     benchmark: str
     variant: str
@@ -23,11 +23,11 @@ class Row:
     most: float | None = None
     least: float | None = None
     best: float | None = None
-    """The most favourable of the repeats whose median is `value`."""
+    """The most favourable repeat; `value` is the median of the repeats."""
 
     @property
     def target(self) -> str:
-        """The target in words, or an empty string."""
+        """The target as text; empty without one."""
         if self.most is not None:
             return f"<= {self.most:g}"
         return "" if self.least is None else f">= {self.least:g}"
@@ -37,11 +37,11 @@ class Row:
         """`yes` or `no`; empty without a target."""
         if not self.target:
             return ""
-        kept = self.value <= self.most if self.most is not None else self.value >= (self.least or 0)
-        return "yes" if kept else "no"
+        met = self.value <= self.most if self.most is not None else self.value >= (self.least or 0)
+        return "yes" if met else "no"
 
     def without_target(self) -> "Row":
-        """The same figure when it was not measured at the size that the target is about."""
+        """The same figure without its target, for a size to which the target does not apply."""
         return Row(self.benchmark, self.variant, self.value, self.unit, best=self.best)
 
 
@@ -49,13 +49,13 @@ def median(
     benchmark: str, variant: str, values: Sequence[float], unit: str, most: float | None = None,
     least: float | None = None,
 ) -> Row:  # fmt: skip
-    """The row of repeated measurements: their median, and the most favourable of them."""
+    """The row of repeated measurements: their median, and the most favourable one."""
     best = max(values) if least is not None else min(values)
     return Row(benchmark, variant, statistics.median(values), unit, most, least, best)
 
 
 def write(rows: Iterable[Row], folder: Path, size: str) -> Path:
-    """Store the rows as `<hardware>_<date>.csv` (quick ones marked as such) and return where."""
+    """Store the rows as `<hardware>_<date>.csv`, with `size` in the name unless it is full; returns the path."""
     about = machine()
     hardware = re.sub(r"[^a-z0-9]+", "-", re.sub(r"\(.*?\)", "", about["cpu"]).lower()).strip("-")
     name = (
@@ -64,17 +64,17 @@ def write(rows: Iterable[Row], folder: Path, size: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / name).open("w", newline="", encoding="utf-8") as file:
         columns = ("benchmark", "variant", "value", "best", "unit", "target", "met", "size")
-        table = csv.DictWriter(file, (*columns, *about))
-        table.writeheader()
+        writer = csv.DictWriter(file, (*columns, *about))
+        writer.writeheader()
         for row in rows:
-            told = {name: getattr(row, name) for name in ("benchmark", "variant", "unit", "target", "met")}
+            texts = {name: getattr(row, name) for name in ("benchmark", "variant", "unit", "target", "met")}
             best = "" if row.best is None else f"{row.best:.4g}"
-            table.writerow({**told, "value": f"{row.value:.4g}", "best": best, "size": size, **about})
+            writer.writerow({**texts, "value": f"{row.value:.4g}", "best": best, "size": size, **about})
     return folder / name
 
 
 def table(rows: Iterable[Row]) -> Table:
-    """The rows for a person to read."""
+    """The rows as a readable table."""
     out = Table("benchmark", "what", title="median of the repeats, and the best of them")
     for name in ("value", "best"):
         out.add_column(name, justify="right")

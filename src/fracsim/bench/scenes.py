@@ -1,4 +1,4 @@
-"""Scenes that tear, small enough to be run dozens of times, and what is compared between their runs."""
+"""Small scenes that tear, and the figures compared between their runs."""
 
 import time
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from fracsim.solve.simulator import Simulator
 
 HALF = ("asset.size=0.3", "loading.offset=0.1", "loading.thickness=0.04", "capture.fps=300", "camera.width=128",
         "camera.height=128", "capture.rgb=false", "capture.maps=[stress,damage]", "backend.threads=1")  # fmt: skip
-"""Objects of half the usual size, so that 150 cells make an eighth of the usual particles."""
+"""Objects of half the usual size: on 150 cells they have an eighth of the usual particles."""
 SCENES = {
     "low stretch": (*HALF, "asset=bread", "loading.speed=0.4", "capture.frames=80"),
     "high stretch": (*HALF, "asset=duck", "material=rubber", "loading.speed=0.6", "capture.frames=70"),
@@ -25,37 +25,39 @@ SCENES = {
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What one run of a scene gave."""
+class SceneRun:
+    """The cost and the figures of one run of a scene."""
 
     seconds: float
-    """Processor time of the simulation, object and kernels prepared."""
+    """Processor time of the simulation, without preparation of the object and compilation."""
     substeps: int
     break_time: float
-    """When the load has fallen to half of its peak [s]; NaN when it has not."""
+    """Time at which the load has fallen to half of its peak [s]; NaN if it has not."""
     peak: float
-    """Largest load [N], not counting the blow with which the grips start."""
+    """Largest load [N], without the initial blow of the grips."""
     failed: float
     """Fraction of failed particles at the end."""
     maps: Array
-    """Stress and damage maps of all frames, each over its own largest value in the reference, (T, H, W, 2)."""
+    """Stress [Pa] and damage maps of all frames, (T, H, W, 2)."""
 
-    def against(self, true: "Outcome") -> dict[str, float]:
-        """Relative errors of break time and peak load, absolute ones of the failed fraction and of the maps (mean over
-        the pixels that show the object in either run)."""
-        scale = np.maximum(true.maps.max(axis=(0, 1, 2)), 1e-12)
-        difference = np.abs(self.maps - true.maps) / scale
-        seen = (self.maps != 0) | (true.maps != 0)
+    def against(self, reference: "SceneRun") -> dict[str, float]:
+        """Errors: relative for break time and peak load, absolute for the failed fraction and the maps.
+
+        That of the maps is a mean over the pixels that show the object in either run.
+        """
+        scale = np.maximum(reference.maps.max(axis=(0, 1, 2)), 1e-12)
+        difference = np.abs(self.maps - reference.maps) / scale
+        seen = (self.maps != 0) | (reference.maps != 0)
         return {
-            "break_time": abs(self.break_time / true.break_time - 1),
-            "peak_load": abs(self.peak / true.peak - 1),
-            "failed": abs(self.failed - true.failed),
+            "break_time": abs(self.break_time / reference.break_time - 1),
+            "peak_load": abs(self.peak / reference.peak - 1),
+            "failed": abs(self.failed - reference.failed),
             "maps": float(difference[seen].mean()),
         }
 
 
-def run(scene: Scene) -> Outcome:
-    """Run and film a scene; a run that fails is compared up to its failure (its break time is NaN then)."""
+def run(scene: Scene) -> SceneRun:
+    """Run and film a scene. After an error the last picture stands for the missing frames."""
     backend.start(scene.backend)
     particles = build(scene.asset, scene.solver.spacing, scene.seed)
     next(Simulator(scene, particles).frames())
@@ -76,20 +78,21 @@ def run(scene: Scene) -> Outcome:
     pictures += [pictures[-1]] * (scene.capture.frames - len(pictures))
     h = simulator.report.history
     broken, peak = broken_at(np.array(h.t), np.array(h.load))
-    return Outcome(spent, simulator.report.substeps, broken, peak, h.failed[-1], np.array(pictures))
+    return SceneRun(spent, simulator.report.substeps, broken, peak, h.failed[-1], np.array(pictures))
 
 
 def compile_kernels(scene: Scene, particles: Any) -> None:
-    """Two frames of the same scene, so that nothing is compiled while it is timed."""
+    """Run two frames of a scene, so that all its kernels are compiled."""
     for frame in Simulator(scene, particles).frames():
         if frame.index == 1:
             return
 
 
 def broken_at(t: Array, load: Array) -> tuple[float, float]:
-    """When the load falls through half of its peak [s], linear between frames, NaN when it does not; and the peak [N].
+    """Time [s] at which the load falls to half of its peak, and the peak [N], from t (T,) [s] and load (T,) [N].
 
-    The first tenth of the frames does not count: the grips start with a blow, whose load may be larger.
+    The load is linear between frames. The time is NaN if the load does not fall so far. The first tenth of the frames
+    does not count: the initial blow of the grips may exceed the peak.
     """
     start = len(load) // 10
     peak = start + int(load[start:].argmax())
@@ -101,5 +104,5 @@ def broken_at(t: Array, load: Array) -> tuple[float, float]:
 
 
 def scene(name: str, *overrides: str) -> Scene:
-    """One of SCENES with overrides."""
+    """A scene of SCENES with overrides."""
     return compose(*SCENES[name], *overrides)

@@ -1,4 +1,4 @@
-"""What is skipped because a scene does not need it, each with and without; and what would not be worth skipping."""
+"""The gain from each computation that the code skips if a scene does not need it, and from skips that were rejected."""
 
 import os
 import tempfile
@@ -26,11 +26,11 @@ from fracsim.solve.simulator import Simulator
 
 SCENE = ("backend.threads=1", "capture.rgb=true")
 STILL = 1e-3
-"""A particle is at rest below this part of the grips' speed."""
+"""Speed below which a particle counts as still, as part of the grips' speed."""
 
 
 def seconds(work: Callable[[], Any], repeats: int = 5) -> float:
-    """Median processor time after a first call [s]."""
+    """Median processor time [s] of `repeats` calls, after a first call that compiles."""
     work()
     spent = []
     for _ in range(repeats):
@@ -42,14 +42,14 @@ def seconds(work: Callable[[], Any], repeats: int = 5) -> float:
 
 
 def pair(what: str, unit: str, without: float, skipped: float) -> Iterator[Row]:
-    """Two figures and their ratio."""
+    """The figures without and with a skip, and their ratio."""
     yield Row(what, "always", without, unit)
     yield Row(what, "only where it is needed", skipped, unit)
     yield Row(what, "ratio", without / skipped, "times")
 
 
 def tensors(n: int) -> Iterator[Row]:
-    """Rotation and largest stretch of n random F of which a tenth is beyond lambda_onset."""
+    """Rotation and largest stretch of n random F; a tenth of them may exceed lambda_onset."""
     rng = np.random.default_rng(0)
     F = np.eye(3) + rng.normal(size=(n, 3, 3)) * np.where(rng.random(n) < 0.1, 0.4, 0.05)[:, None, None]
     values, out = F.astype(np.float32), np.zeros(n, np.float32)
@@ -60,7 +60,7 @@ def tensors(n: int) -> Iterator[Row]:
 
 
 def substeps(simulator: Simulator) -> Iterator[Row]:
-    """Nodes, the look at the stability bound, and failed particles."""
+    """Visited nodes, the survey for the stability bound, and failed particles."""
     state, scene = simulator.state, simulator.scene
     yield from pair("nodes a substep visits", "nodes", scene.solver.cells**3, len(state.grid.layout.nodes))
     one = seconds(lambda: state.run(16, 1e-5, 0.0)) / 16
@@ -74,7 +74,7 @@ def substeps(simulator: Simulator) -> Iterator[Row]:
 
 
 def launches() -> Iterator[Row]:
-    """What a substep costs when it has next to nothing to do."""
+    """The cost of a substep of very few particles."""
     solver = Solver(cells=24)
     body = particles(lattice((0.4, 0.1, 0.1), solver.spacing), solver.spacing)
     for drive, threads, name in (
@@ -88,7 +88,7 @@ def launches() -> Iterator[Row]:
 
 
 def pictures(simulator: Simulator) -> Iterator[Row]:
-    """Channels that are captured: all of them, or one alone."""
+    """Rendering of all channels, or of one."""
     frame, particles = next(simulator.frames()), simulator.particles
     spent = {}
     for name, overrides in (("all", ()), ("damage", ("capture.rgb=false", "capture.maps=[damage]"))):
@@ -98,7 +98,7 @@ def pictures(simulator: Simulator) -> Iterator[Row]:
 
 
 def objects() -> Iterator[Row]:
-    """An object prepared for each draw of a sweep, or once."""
+    """Preparation of an object for each draw of a sweep, or once."""
     scene = compose(*SCENE)
     before = os.environ.get("FRACSIM_CACHE")
     with tempfile.TemporaryDirectory() as folder:
@@ -113,8 +113,11 @@ def objects() -> Iterator[Row]:
     yield from pair("object prepared", "s", first, again)
 
 
-def rest(quick: bool) -> Iterator[Row]:
-    """Substeps that `solver.until=settled` saves; particles at rest, whose blocks could sleep (not done, see docs)."""
+def settled(quick: bool) -> Iterator[Row]:
+    """Substeps that `solver.until=settled` saves, and the share of still particles.
+
+    Blocks of still particles could be skipped, but are not (see docs/speed.md).
+    """
     common = ("quality=preview", "backend.threads=1", "asset=croissant", *(("capture.frames=4",) if quick else ()))
     counts, still, moving = {}, 0, 0
     for until in ("end", "settled"):
@@ -130,7 +133,7 @@ def rest(quick: bool) -> Iterator[Row]:
 
 
 def study(out: Path, quick: bool) -> Iterator[Row]:
-    """All of it on the default loaf."""
+    """All skips, on the default loaf."""
     scene = compose(*SCENE, *(("solver.cells=40",) if quick else ()))
     backend.start(scene.backend)
     yield from tensors(2_000 if quick else 100_000)
@@ -141,4 +144,4 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
     yield from substeps(simulator)
     yield from launches()
     yield from objects()
-    yield from rest(quick)
+    yield from settled(quick)

@@ -1,4 +1,4 @@
-"""The rasteriser: colour with four maps against colour alone, on an opaque solid that fills the picture."""
+"""The rasteriser: colour with four maps against colour alone, on an opaque solid that fills the image."""
 
 import argparse
 import time
@@ -14,13 +14,13 @@ from fracsim.records import Array, Frame, Particles
 from fracsim.scene.vocab import CENTRE, Backend, Camera, Scene
 
 FRAME = 0.12
-"""Seconds that a frame with maps may take."""
+"""Target of a frame with maps [s]."""
 SHARE = 1.4
-"""How many times a frame with colour alone one with maps may take."""
+"""Target of the time of a frame with maps over that of one with colour alone."""
 AXES = (0.3, 0.2, 0.2)
 """Half axes of the solid [m]."""
 MARGIN = 1.05
-"""How much more than the solid's half width the picture shows."""
+"""Half width of the view over that of the solid."""
 
 
 def rows(plan: Plan) -> Iterator[Row]:
@@ -37,7 +37,7 @@ def rows(plan: Plan) -> Iterator[Row]:
 
 
 def solid(n: int) -> tuple[Particles, Frame]:
-    """The n lattice points nearest the centre of an ellipsoid, as round Gaussians, stretched a little and twisted."""
+    """An ellipsoid of n round Gaussians on a lattice, slightly stretched and sheared."""
     volume = 4 / 3 * np.pi * np.prod(AXES)
     spacing = float((volume / n) ** (1 / 3))
     lattice = [spacing * np.arange(-int(1.1 * a / spacing), int(1.1 * a / spacing) + 1) for a in AXES]
@@ -60,7 +60,7 @@ def solid(n: int) -> tuple[Particles, Frame]:
 
 
 def timed(work: Callable[[], object]) -> float:
-    """Seconds of one call, after one that wakes the threads: whoever comes first would pay for that."""
+    """Seconds of one call, after a first one that wakes the threads."""
     work()
     start = time.perf_counter()
     work()
@@ -68,7 +68,7 @@ def timed(work: Callable[[], object]) -> float:
 
 
 def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
-    """What is timed, each called once so that it is compiled; starts Taichi."""
+    """The functions to time for n Gaussians, each called once to compile it; starts Taichi."""
     backend.start(Backend())
     from fracsim.render.film import Film
     from fracsim.render.splat import Splatter
@@ -77,6 +77,7 @@ def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
     particles, frame = solid(n)
 
     def splat(splatter: Splatter, features: Array) -> Callable[[], object]:
+        """A function that renders features (n, C)."""
         return lambda: splatter.render(frame.x, particles.covariance, frame.F, particles.opacity, features)
 
     features = np.random.default_rng(0).random((n, film.channels), dtype=np.float32)
@@ -91,12 +92,12 @@ def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
 
 
 def main() -> None:
-    """Be the process that renders: compile, then time one frame of each kind at each `go`."""
+    """The process that renders: compile, then time one frame of each kind at each `go`."""
     parser = argparse.ArgumentParser()
     parser.add_argument("gaussians", type=int)
     parser.add_argument("pixels", type=int)
-    words = parser.parse_args()
-    works = contestants(words.gaussians, words.pixels)
+    options = parser.parse_args()
+    works = contestants(options.gaussians, options.pixels)
     serve(lambda: {name: timed(work) for name, work in works.items()})
 
 

@@ -1,4 +1,4 @@
-"""From a command to its first picture: importing, a run with empty caches, the same run again."""
+"""Time from a command to its first picture: import, a run with empty caches, the same run again."""
 
 import os
 import subprocess
@@ -14,21 +14,21 @@ from fracsim.bench.record import Row, median
 from fracsim.sample.schema import JOURNAL
 
 IMPORT, FIRST, DEMO = 0.5, 8.0, 90.0
-"""Seconds that importing, the first frame of a warm run and `make demo` may take."""
+"""Targets of the import, the first frame of a warm run, and `make demo` [s]."""
 SHORT, SECOND_LAW = ("capture.frames=2",), "material.law=neo_hookean"
 LOADED = "import sys, time; t = time.perf_counter(); import fracsim; print(time.perf_counter() - t, *sys.modules)"
 
 
 @dataclass(frozen=True)
-class Run:
-    """Seconds from the start of the process to each frame, and to its end."""
+class Timing:
+    """Seconds from the start of a process to each frame, and to its end."""
 
     frames: tuple[float, ...]
     end: float
 
 
 def rows(plan: Plan) -> Iterator[Row]:
-    """Measure with caches of its own; files that the system keeps in memory are warm."""
+    """Measure with empty caches of Taichi and of objects; the system's file cache is warm."""
     yield from imports(plan.rounds)
     with tempfile.TemporaryDirectory() as folder:
         caches = Path(folder)
@@ -50,41 +50,42 @@ def rows(plan: Plan) -> Iterator[Row]:
 
 
 def imports(repeats: int) -> Iterator[Row]:
-    """The time of `import fracsim`, and how many of the heavy packages it loads."""
+    """The time of `import fracsim`, and the number of heavy packages that it loads."""
     seconds, heavy = [], 0
     for _ in range(repeats):
-        told = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True).stdout.split()
-        seconds.append(float(told[0]))
-        heavy = max(heavy, len({"taichi", "torch"} & set(told[1:])))
+        done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+        time_spent, *modules = done.stdout.split()
+        seconds.append(float(time_spent))
+        heavy = max(heavy, len({"taichi", "torch"} & set(modules)))
     yield median("import fracsim", "time", seconds, "s", most=IMPORT)
     yield Row("import fracsim", "of taichi and torch, loaded", heavy, "modules", most=0)
 
 
-def run(caches: Path, name: str, *overrides: str) -> Run:
-    """Time `python -m fracsim OVERRIDES`, its caches in a folder; raises RuntimeError with what it said if it fails."""
+def run(caches: Path, name: str, *overrides: str) -> Timing:
+    """Time `python -m fracsim OVERRIDES` with its caches in a folder; RuntimeError, with its output, on failure."""
     out = caches / name
     places = {"FRACSIM_CACHE": str(caches / "objects"), "TI_OFFLINE_CACHE_FILE_PATH": str(caches / "kernels")}
     command = [sys.executable, "-m", "fracsim", f"output.folder={out}", *overrides]
     frames: list[float] = []
     start = time.perf_counter()
-    with (caches / "said").open("w+") as said:
-        process = subprocess.Popen(command, env=os.environ | places, stdout=said, stderr=subprocess.STDOUT)
+    with (caches / "output").open("w+") as output:
+        process = subprocess.Popen(command, env=os.environ | places, stdout=output, stderr=subprocess.STDOUT)
         while process.poll() is None:
             time.sleep(0.01)
-            seen = sum(file.read_text().count("\n") for file in _journals(out))
-            frames += [time.perf_counter() - start] * (seen - len(frames))
+            written = sum(file.read_text().count("\n") for file in _journals(out))
+            frames += [time.perf_counter() - start] * (written - len(frames))
         end = time.perf_counter() - start
         if process.returncode or len(frames) < 2:
-            said.seek(0)
-            raise RuntimeError(f"{' '.join(command)} ended with status {process.returncode}:\n{said.read()}")
-    return Run(tuple(frames), end)
+            output.seek(0)
+            raise RuntimeError(f"{' '.join(command)} ended with status {process.returncode}:\n{output.read()}")
+    return Timing(tuple(frames), end)
 
 
 def _journals(out: Path) -> list[Path]:
-    """The files that grow by a line when a frame is written."""
+    """The journals of the samples in a folder: one line for each written frame."""
     return [file for file in out.glob(f"*/{JOURNAL}") if file.exists()]
 
 
 def kernels(caches: Path) -> int:
-    """Kernels that Taichi has compiled into its cache."""
+    """Number of kernels in Taichi's cache."""
     return len(list((caches / "kernels").rglob("*.tic")))

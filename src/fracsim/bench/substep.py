@@ -1,4 +1,4 @@
-"""One substep of the bar: this project's, a plain one, and one in blocks and colours, taking turns."""
+"""One substep of the bar: this project's, a plain one, and one in blocks and colours. They take turns."""
 
 import argparse
 import time
@@ -15,17 +15,17 @@ from fracsim.scene.vocab import DOMAIN, Backend
 
 UNIT = "ns/particle"
 FASTER = 8
-"""How many times as fast as the plain substep this project's has to be."""
+"""Target of the plain substep's time over that of this project's."""
 PLAIN, BLOCKED, OURS, RUBBER = "plain", "blocked", "fixed_corotated", "neo_hookean"
 LIKE = "fixed_corotated, pressure=particle"
-"""As `plain` and `blocked` compute it; the default is the pressure of a cell."""
+"""This project's substep with the pressure of `plain` and `blocked`; the default is a cell's pressure."""
 ALONE, TWINS = ", 1 thread", ", 1 thread, two processes side by side"
 MOST = {OURS: 105, RUBBER: 75, OURS + TWINS: 85, RUBBER + TWINS: 60}
-"""What a particle may cost [ns]: in one clip on two threads, and as draws of a sweep on two cores."""
+"""Targets [ns/particle]: one clip on two threads, and two clips side by side on two cores, as in a sweep."""
 
 
 def rows(plan: Plan) -> Iterator[Row]:
-    """Measure all contestants, each with all cores unless it says otherwise."""
+    """Measure all contestants, on all cores unless the name says otherwise."""
     contestants = {
         PLAIN: ("plain", 0),
         BLOCKED: ("blocked", 0),
@@ -38,10 +38,10 @@ def rows(plan: Plan) -> Iterator[Row]:
     sizes = (f"--cells={plan.cells}", f"--substeps={plan.substeps}")
     with ExitStack() as stack:
 
-        def worker(*words: object) -> Worker:
-            return stack.enter_context(Worker("substep", *words, *sizes))
+        def worker(*arguments: object) -> Worker:
+            return stack.enter_context(Worker("substep", *arguments, *sizes))
 
-        workers = {name: worker(*words) for name, words in contestants.items()}
+        workers = {name: worker(*arguments) for name, arguments in contestants.items()}
         twins = {law: [workers[law + ALONE], worker(*contestants[law + ALONE])] for law in (OURS, RUBBER)}
         rounds = [_round(workers, twins) for _ in range(plan.rounds)]
         particles = workers[OURS].ready["particles"]
@@ -49,7 +49,7 @@ def rows(plan: Plan) -> Iterator[Row]:
 
 
 def _round(workers: dict[str, Worker], twins: dict[str, list[Worker]]) -> dict[str, float]:
-    """One timing of each contestant [ns a particle and substep], and of pairs at the same time."""
+    """One timing of each contestant [ns per particle and substep], and of each pair of `twins` running side by side."""
     out = {name: float(w.measure()["ns"]) for name, w in workers.items()}
     for law, pair in twins.items():
         for twin in pair:
@@ -59,7 +59,7 @@ def _round(workers: dict[str, Worker], twins: dict[str, list[Worker]]) -> dict[s
 
 
 def summary(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
-    """Figures and ratios; a ratio is taken within a round."""
+    """Times `ns` and their ratios; a ratio is taken within a round, for `particles` particles."""
     what = f"substep, {particles:,} particles"
     for name, values in ns.items():
         yield median(what, name, values, UNIT, most=MOST.get(name))
@@ -71,7 +71,7 @@ def summary(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
 
 
 def contestant(name: str, cells: int, law: str, pressure: str, threads: int) -> Any:
-    """The bar in the hands of `ours`, `plain` or `blocked`; starts Taichi."""
+    """The bar of the module `ours`, `plain` or `blocked`; starts Taichi."""
     backend.start(Backend(threads=threads))
     X = bar.lattice(DOMAIN / cells)
     if name == "ours":
@@ -88,7 +88,7 @@ def contestant(name: str, cells: int, law: str, pressure: str, threads: int) -> 
 
 
 def main() -> None:
-    """Be a contestant: compile, then time substeps at each `go`."""
+    """The process of a contestant: compile, then time substeps at each `go`."""
     parser = argparse.ArgumentParser()
     parser.add_argument("name", choices=("ours", "plain", "blocked"))
     parser.add_argument("threads", type=int)
@@ -96,15 +96,15 @@ def main() -> None:
     parser.add_argument("--pressure", default="auto")
     parser.add_argument("--cells", type=int, required=True)
     parser.add_argument("--substeps", type=int, required=True)
-    words = parser.parse_args()
-    body = contestant(words.name, words.cells, words.law, words.pressure, words.threads)
+    options = parser.parse_args()
+    body = contestant(options.name, options.cells, options.law, options.pressure, options.threads)
     import taichi as ti
 
     def measure() -> dict[str, float]:
         start = time.perf_counter()
-        body.run(words.substeps)
+        body.run(options.substeps)
         ti.sync()
-        return {"ns": (time.perf_counter() - start) * 1e9 / (words.substeps * len(body))}
+        return {"ns": (time.perf_counter() - start) * 1e9 / (options.substeps * len(body))}
 
     body.run(2)
     ti.sync()

@@ -1,4 +1,4 @@
-"""Kernels that compute the rotation and the largest stretch of particles always, or only where it is needed."""
+"""Kernels of rotation and largest stretch, computed always or only where needed. F and out are (N,)."""
 
 import taichi as ti
 
@@ -10,7 +10,7 @@ Matrices, Scalars = types(ti.f32)["matrix"], types(ti.f32)["scalar"]
 
 @ti.kernel
 def by_svd(F: Matrices, out: Scalars):
-    """|F - R|^2 with R from an SVD."""
+    """out = |F - R|^2, (N,), with R from an SVD of F, (N,)."""
     ti.loop_config(serialize=True)
     for p in range(F.shape[0]):
         U, _s, V = ti.svd(F[p])
@@ -19,7 +19,7 @@ def by_svd(F: Matrices, out: Scalars):
 
 @ti.kernel
 def by_invariants(F: Matrices, out: Scalars):
-    """|F - R|^2 with R in closed form."""
+    """out = |F - R|^2, (N,), with R of F, (N,), from invariants."""
     ti.loop_config(serialize=True)
     for p in range(F.shape[0]):
         out[p] = (F[p] - rotation(F[p], cofactor(F[p]))).norm_sqr()
@@ -27,7 +27,7 @@ def by_invariants(F: Matrices, out: Scalars):
 
 @ti.kernel
 def stretch_always(F: Matrices, out: Scalars):
-    """The largest stretch of each particle."""
+    """out = the largest stretch, (N,), of F, (N,)."""
     ti.loop_config(serialize=True)
     for p in range(F.shape[0]):
         out[p] = principal_stretches(F[p])[0]
@@ -35,7 +35,7 @@ def stretch_always(F: Matrices, out: Scalars):
 
 @ti.kernel
 def stretch_near_onset(F: Matrices, out: Scalars):
-    """The largest stretch where it can be beyond lambda_onset."""
+    """out = the largest stretch, (N,), of F, (N,); 0 if it cannot exceed lambda_onset = 1.5."""
     ti.loop_config(serialize=True)
     for p in range(F.shape[0]):
         out[p] = max_stretch(F[p], F[p].determinant(), 1.5)

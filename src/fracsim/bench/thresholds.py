@@ -1,4 +1,4 @@
-"""When a uniform bar breaks against lambda_crit: what thresholds decide in `total`, and the grid in `updated`."""
+"""Break stretch of a uniform bar against lambda_crit: the thresholds decide it in `total`, the grid in `updated`."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ from fracsim.bench.record import Row
 from fracsim.scene.vocab import Backend, Fracture, Material, Solver
 from fracsim.solve.march import SimulationError
 from fracsim.verify.closed_form import softening
-from fracsim.verify.pull import Bar, over_gauge, simulator, until_parted
+from fracsim.verify.pull import TensileBar, over_gauge, simulator, until_parted
 
 CLASSES = {
     "low stretch": (Material(law="fixed_corotated", E=6e3, nu=0.25), 0.8, (1.6, 2.0, 2.3, 2.6, 3.0, 3.3)),
@@ -25,15 +25,16 @@ COLOURS = {"total": "#31688e", "updated": "#b5323c"}
 
 
 def breaks(formulation: str, material: Material, fracture: Fracture) -> tuple[float, float, str]:
-    """Nominal stretch at which the bar parts, that of the closed form, and what parted it."""
+    """Nominal stretch at which the bar parts, that of the closed form, and the cause of parting."""
     solver = Solver(cells=CELLS, formulation=formulation, damping="none")
     sides = 4 * solver.h
-    pulled = simulator(solver, Bar(16 * solver.h, sides, sides), material, fracture, SPEED, fracture.crit + 0.3, 300)
+    bar = TensileBar(gauge=16 * solver.h, width=sides, height=sides)
+    pulled = simulator(solver, bar, material, fracture, SPEED, fracture.crit + 0.3, 300)
     stretch, load, _ = softening(material.law, material.nu, fracture.onset, fracture.crit)
     report, exact = pulled.report, over_gauge(pulled, material.law, material.nu, stretch, load)
     try:
         until_parted(pulled)
-    except SimulationError:  # nothing damps the recoil of what parts between two frames
+    except SimulationError:  # undamped recoil of a bar that parts between two frames
         return report.history.nominal_stretch[-1], exact, "crushed by its recoil"
     frame = report.break_frame if report.break_frame is not None else report.torn_frame
     at = float("nan") if frame is None else report.history.nominal_stretch[frame]
@@ -41,7 +42,7 @@ def breaks(formulation: str, material: Material, fracture: Fracture) -> tuple[fl
 
 
 def study(out: Path, quick: bool) -> Iterator[Row]:
-    """Both classes and both formulations; writes thresholds.png to `out`."""
+    """Bars of both classes in both formulations; writes thresholds.png to `out`."""
     backend.start(Backend(threads=1))
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     FigureCanvasAgg(figure)

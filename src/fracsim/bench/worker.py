@@ -1,4 +1,4 @@
-"""Processes that measure when they are told to."""
+"""Processes that measure on request."""
 
 import json
 import subprocess
@@ -11,13 +11,13 @@ Answer = dict[str, Any]
 
 
 class Worker:
-    """A process `python -m fracsim.bench.<part> ...` that prepares itself and then answers each `go` by JSON.
+    """A process `python -m fracsim.bench.<part> ...`: it prepares itself, then answers each `go` by a line of JSON.
 
-    A context manager; raises RuntimeError when the process dies.
+    A context manager. Raises RuntimeError if the process ends early.
     """
 
-    def __init__(self, part: str, *words: object, env: Mapping[str, str] | None = None) -> None:
-        command = [sys.executable, "-m", f"fracsim.bench.{part}", *map(str, words)]
+    def __init__(self, part: str, *arguments: object, env: Mapping[str, str] | None = None) -> None:
+        command = [sys.executable, "-m", f"fracsim.bench.{part}", *map(str, arguments)]
         self._what = " ".join(command[2:])
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env)
         self.ready = self.answer()
@@ -29,16 +29,16 @@ class Worker:
         self._process.stdin.flush()
 
     def answer(self) -> Answer:
-        """Wait for the next answer; other lines, as Taichi's greeting, are passed over."""
+        """Wait for the next answer; other lines, such as Taichi's greeting, are skipped."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             if line.startswith("{"):
-                told: Answer = json.loads(line)
-                return told
-        raise RuntimeError(f"{self._what} ended with status {self._process.wait()}; see above for why.")
+                answer: Answer = json.loads(line)
+                return answer
+        raise RuntimeError(f"{self._what} ended with status {self._process.wait()}: see its error above.")
 
     def measure(self) -> Answer:
-        """One measurement."""
+        """Make one measurement."""
         self.go()
         return self.answer()
 
@@ -54,7 +54,7 @@ class Worker:
 
 
 def serve(measure: Callable[[], Answer], **about: Any) -> None:
-    """The other end: tell `about` once everything is prepared, then measure at each `go` until there are no more."""
+    """The worker's side: print `about` once prepared, then measure at each `go` until the input ends."""
     print(json.dumps(about), flush=True)
     for _ in sys.stdin:
         print(json.dumps(measure()), flush=True)

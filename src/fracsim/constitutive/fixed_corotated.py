@@ -11,8 +11,8 @@ def psi(F, theta, mu, lam):
 
 
 @ti.func
-def piola(F, K, J, theta, mu, lam):
-    return 2 * mu * (F - rotation(F, K)) + (lam * (theta - 1)) * K
+def piola(F, cof, J, theta, mu, lam):
+    return 2 * mu * (F - rotation(F, cof)) + (lam * (theta - 1)) * cof
 
 
 @ti.func

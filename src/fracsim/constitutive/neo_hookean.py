@@ -12,8 +12,8 @@ def psi(F, theta, mu, lam):
 
 
 @ti.func
-def piola(F, K, J, theta, mu, lam):
-    return mu * F + (lam * ti.log(theta) / theta - mu / J) * K
+def piola(F, cof, J, theta, mu, lam):
+    return mu * F + (lam * ti.log(theta) / theta - mu / J) * cof
 
 
 @ti.func

@@ -1,5 +1,5 @@
-"""Does it hold? `python -m fracsim.fuzz` draws scenes far beyond the published ranges and checks what comes of them.
+"""The stress test: `python -m fracsim.fuzz` draws scenes far beyond the published ranges, runs and checks them.
 
-A scene must end either finished, finite and with its invariants kept (`invariants`), or with the clear error that fits
-(`fitting`). Anything else, a crash and a hang included, is `wrong`, and its scene is kept as a file to be replayed.
+A scene must either finish, with finite numbers and all invariants kept (`invariants`), or be refused by an error that
+fits it (`fitting`). Any other end, a crash or a hang included, is `wrong`. Wrong scenes are kept as files for a replay.
 """

@@ -1,4 +1,4 @@
-"""The fixed substep at which a small perturbation grows, beside the stability bound that `dt: auto` would use."""
+"""The smallest fixed substep at which a small perturbation grows, compared with the stability bound of `dt: auto`."""
 
 import math
 from collections.abc import Iterable
@@ -19,26 +19,28 @@ from fracsim.records import Array, Particles
 from fracsim.scene.vocab import CENTRE, Fracture, Material, Solver
 
 CELLS, E, DENSITY = 50, 1e4, 200.0
+"""Cells along 2 m, Young's modulus [Pa], density [kg/m^3]."""
 STEPS, GROWN, NUDGE = 600, 1e-3, 1e-6
-"""A perturbation of size NUDGE has grown when it is larger than GROWN after STEPS."""
+"""A perturbation of F of size NUDGE has grown if it exceeds GROWN after STEPS substeps."""
 RESOLVED = 1.003
 """Bisection ends at this ratio of a substep that blows up to one that does not."""
 TIGHT = 1.15
-"""The blow-up of an isolated particle is at most this many times the bound."""
+"""Largest ratio of blow-up to bound of an isolated particle."""
 OBJECTS = ("particle", "block", "stretched")
-"""An isolated particle; a free block of 4^3 cells, at rest; one at stretch 2, held at its ends, free to contract."""
+"""An isolated particle; a free block of 4^3 cells at rest; a bar at stretch 2 with held ends and free sides."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is pushed until it blows up."""
+    """A material, a formulation and an object whose blow-up is measured."""
 
     law: str
     nu: float
     formulation: str
     rpic: float
-    """Viscosity as the r of RPIC damping at the stability bound without it."""
+    """Viscosity, as the r of RPIC damping at the stability bound of the undamped solid."""
     object: str
+    """One of `OBJECTS`."""
 
 
 SETTINGS = [
@@ -49,8 +51,8 @@ SETTINGS = [
 
 
 @dataclass(frozen=True)
-class Row:
-    """A setting, its bound [s], and the substep at which it blows up [s]."""
+class Margin:
+    """A setting, its stability bound [s], and the smallest substep that blows up [s]."""
 
     setting: Setting
     bound: float
@@ -63,19 +65,19 @@ class Row:
 
     @property
     def kept(self) -> bool:
-        """Whether the bound is safe, and tight where it has to be."""
+        """Whether the bound is safe, and for an isolated particle also tight."""
         return 1 <= self.ratio <= (TIGHT if self.setting.object == "particle" else math.inf)
 
 
-def measure(setting: Setting) -> Row:
-    """Bisect the blow-up of a setting; the smallest substep that was seen to blow up."""
+def measure(setting: Setting) -> Margin:
+    """Find the smallest substep that blows up by bisection."""
     state, F = _prepare(setting)
     bound = stable(state.medium, _stiffness(state, F))
     low, high = 0.5 * bound, 4 * bound
     while high / low > RESOLVED:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if _grows(state, F, middle) else (middle, high)
-    return Row(setting, bound, high)
+    return Margin(setting, bound, high)
 
 
 def _medium(setting: Setting) -> Medium:
@@ -99,29 +101,29 @@ def _prepare(setting: Setting) -> tuple[State, Array]:
 
 
 def _stretched(solid: Medium) -> tuple[State, Array]:
-    """A bar of 4 x 4 cells, stretched to twice its length, whose ends are held; its sides carry no stress.
+    """A bar of 4 x 4 cells in section, stretched to twice its length between held ends, and its F, (N, 3, 3).
 
-    In `updated` the particles are where the stretch has brought them, four a cell along the bar at rest: with two the
-    grid parts them here, whatever the substep.
+    Its sides carry no stress. In `updated` the particles are in their stretched positions, and there are four a cell
+    along the bar at rest: with two the grid would part them at any substep.
     """
     h, spacing = solid.h, solid.solver.spacing
     ends = Grips("rigid", (1.0, 0.0, 0.0), offset=4.5 * h, thickness=5 * h, speed=0.0, h=h)
     bar = particles(ordered(lattice((10 * h, 4 * h, 4 * h), spacing), h), spacing)
     side = _sides(State(solid, bar, ends, Drive("serial")))
     F = np.diag([2.0, side, side])
-    state = State(solid, bar if solid.total else _moved(bar, side), ends, Drive("serial"))
+    state = State(solid, bar if solid.total else _contracted(bar, side), ends, Drive("serial"))
     return state, np.tile(F, (state.n, 1, 1))
 
 
-def _moved(bar: Particles, side: float) -> Particles:
-    """A bar as long as this one, now stretched to it from half its length, where it had twice the particles."""
+def _contracted(bar: Particles, side: float) -> Particles:
+    """The bar as if stretched to its present length from half of it: sides contracted by `side`, volumes halved."""
     X = np.asarray(CENTRE) + (bar.X - np.asarray(CENTRE)) * [1.0, side, side]
     body = particles(X.astype(np.float32), bar.spacing)
     return replace(body, volume=body.volume / 2)
 
 
 def _sides(state: State) -> float:
-    """The stretch across of a bar at stretch 2 without stress on its sides, by bisection."""
+    """Lateral stretch of a bar at stretch 2 with free sides, by bisection."""
     low, high = 0.3, 1.2
     for _ in range(60):
         middle = (low + high) / 2
@@ -131,39 +133,42 @@ def _sides(state: State) -> float:
 
 
 def _stiffness(state: State, F: Array) -> float:
-    """The largest stiffness bound as `dt: auto` sees it."""
+    """The largest stiffness bound [Pa] of the particles at F, (N, 3, 3), as `dt: auto` computes it."""
     state.points.F.from_numpy(F)
     return state.survey().stiffness
 
 
 def _grows(state: State, F: Array, dt: float) -> bool:
-    """Whether a random perturbation of F has grown, by which time the state is far from equilibrium."""
+    """Whether a random perturbation of F, (N, 3, 3), has grown after STEPS substeps of dt [s].
+
+    Afterwards the state is far from equilibrium.
+    """
     rng = np.random.default_rng(0)
     state.points.F.from_numpy(F + NUDGE * rng.normal(size=F.shape))
     state.points.V.from_numpy(np.zeros((state.n, 3)))
-    state.first_substep = True  # nodes forget how they moved
+    state.first_substep = True  # nodes have no velocity yet
     state.points.C.from_numpy(np.zeros((state.n, 3, 3)))
     state.points.U.from_numpy(np.zeros((state.n, 3)))
     state.points.D.from_numpy(np.zeros(state.n))
-    state.clear_fault()  # whatever the last blow-up left there
+    state.clear_fault()  # of the previous blow-up
     state.run(STEPS, dt, 0.0)
     return not np.abs(state.points.F.to_numpy() - F).max() < GROWN
 
 
-def table(rows: Iterable[Row]) -> Table:
-    """Ratios of blow-up to bound: a line a material, a column an object."""
+def table(margins: Iterable[Margin]) -> Table:
+    """Ratios of blow-up to bound: one line for each material and formulation, one column for each object."""
     out = Table("law", "nu", "formulation", "r", title="blow-up substep / stability bound")
     for name in OBJECTS:
         out.add_column(name, justify="right")
-    groups: dict[tuple[str, float, str, float], dict[str, Row]] = {}
-    for row in rows:
-        s = row.setting
-        groups.setdefault((s.law, s.nu, s.formulation, s.rpic), {})[s.object] = row
+    groups: dict[tuple[str, float, str, float], dict[str, Margin]] = {}
+    for margin in margins:
+        s = margin.setting
+        groups.setdefault((s.law, s.nu, s.formulation, s.rpic), {})[s.object] = margin
     for (law, nu, form, rpic), group in groups.items():
         shown = [_coloured(group[name]) if name in group else "" for name in OBJECTS]
         out.add_row(law, f"{nu:g}", form, f"{rpic:g}", *shown)
     return out
 
 
-def _coloured(row: Row) -> str:
-    return f"[{'green' if row.kept else 'red'}]{row.ratio:.3f}[/]"
+def _coloured(margin: Margin) -> str:
+    return f"[{'green' if margin.kept else 'red'}]{margin.ratio:.3f}[/]"

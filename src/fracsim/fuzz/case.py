@@ -1,4 +1,4 @@
-"""One scene of the study as plain data, so that it can be written to a file before anyone has validated it."""
+"""One scene of the study as plain data. It need not be valid, and is written to and read from YAML."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields
@@ -9,36 +9,37 @@ import numpy as np
 
 from fracsim.fuzz.bodies import Body
 from fracsim.mpm.state import State
+from fracsim.mpm.timestep import stable_at_rest
 from fracsim.records import Array
 from fracsim.scene.program import SIMULATE
 from fracsim.scene.vocab import Scene
+from fracsim.solve.setup import medium
 
 CALM, LIGHT = 0.3, 0.2
-"""A grip slower than this part of the wave speed, and a weight below this part of the stiffness, ask for nothing that
-the solid cannot do."""
+"""The solid can bear grips slower than CALM of the wave speed, and a weight below LIGHT of the stiffness."""
 
 
 @dataclass(kw_only=True)
 class Start:
-    """The state at t = 0 that replaces rest in a part of the particles."""
+    """The initial state, if it is not rest."""
 
     F: str = "rest"
     """rest, inverted (J < 0), flat (J = 0), stretched or random."""
     amount: float = 1.0
     """Stretch of `stretched`; size of the entries of `random`; depth of `inverted`."""
     share: float = 1.0
-    """Part of the particles that start so; the others are at rest."""
+    """Part of the particles that get this F; the others have F = I."""
     speed: float = 0.0
     """Standard deviation of random velocities [m/s]."""
     seed: int = 0
 
     @property
     def resting(self) -> bool:
-        """Whether nothing is changed."""
+        """Whether the initial state is rest."""
         return self.F == "rest" and self.speed == 0
 
     def apply(self, state: State) -> None:
-        """Overwrite F and add to v of a state."""
+        """Overwrite F of the chosen particles and add random velocities to all."""
         if self.resting:
             return
         rng = np.random.default_rng(self.seed)
@@ -60,33 +61,34 @@ class Start:
 
 @dataclass(kw_only=True)
 class Case:
-    """A scene, the object that is pulled, and how it starts; number `number` of the study with `seed`."""
+    """Case `number` of the study with `seed`: a scene, its object and its initial state."""
 
     family: str
     seed: int
     number: int
     scene: dict[str, Any]
-    """Sections and fields that differ from the default scene, not validated."""
+    """Sections with the fields that differ from the default scene, not validated."""
     body: Body = field(default_factory=Body)
     start: Start = field(default_factory=Start)
 
     @property
     def name(self) -> str:
-        """The name of its file."""
+        """The name of the case's file, without suffix."""
         return f"{self.family}-{self.seed}-{self.number}"
 
     def resolve(self) -> Scene:
-        """The validated scene; raises ValueError for one that is not allowed."""
+        """The validated scene; raises ValueError if it is not valid."""
         from omegaconf import OmegaConf
 
         return SIMULATE.resolve(OmegaConf.create(self.scene))
 
 
 def sensible(case: Case, scene: Scene) -> bool:
-    """Whether a scene must run to its end: substeps chosen by the solver, a start at rest, grips slower than CALM of
-    the wave speed sqrt(E / density) where it is slowest, a weight that the solid can bear, and a speed limit that the
-    recoil of a torn piece (some wave speeds) does not reach. A decoupled solid, whose lam is its bulk modulus,
-    must resist a change of volume at all.
+    """Whether a scene must run to its end.
+
+    Its substeps are chosen by the solver, it starts at rest, its grips are slower than CALM of the wave speed
+    sqrt(E / density), the solid can bear its weight, and solver.max_speed is above the recoil of a torn piece (a few
+    wave speeds). A stable substep exists, and the bulk modulus of a decoupled solid, lam, does not vanish.
     """
     m, length = scene.material, max(case.body.counts) * scene.solver.spacing
     wave = math.sqrt(m.E / m.density)
@@ -97,21 +99,22 @@ def sensible(case: Case, scene: Scene) -> bool:
         and scene.loading.speed <= CALM * wave
         and weight <= LIGHT
         and scene.solver.max_speed >= 5 * wave
+        and stable_at_rest(medium(scene)) > 0  # 0 if RPIC damping per substep has r >= 2
         and (m.law != "neo_hookean_decoupled" or m.nu >= 0.05)
     )
 
 
-def write(case: Case, path: Path, told: str = "") -> None:
-    """Keep a case as YAML; `told` becomes a comment."""
+def write(case: Case, path: Path, comment: str = "") -> None:
+    """Write a case as YAML, after the lines of `comment`."""
     from omegaconf import OmegaConf
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    comment = "".join(f"# {line}\n" for line in told.splitlines())
-    path.write_text(comment + OmegaConf.to_yaml(OmegaConf.create(asdict(case))), encoding="utf-8")
+    lines = "".join(f"# {line}\n" for line in comment.splitlines())
+    path.write_text(lines + OmegaConf.to_yaml(OmegaConf.create(asdict(case))), encoding="utf-8")
 
 
 def read(path: Path) -> Case:
-    """The case in a file; raises ValueError when it is none."""
+    """The case in a file; raises ValueError for a file without one."""
     from omegaconf import OmegaConf
 
     data: Any = OmegaConf.to_container(OmegaConf.load(path))

@@ -1,4 +1,4 @@
-"""A scene that is being drawn: its fields so far, and the numbers to draw from."""
+"""A case under construction: its fields so far, and the generator that the next ones are drawn from."""
 
 import math
 from typing import Any
@@ -10,38 +10,40 @@ from fracsim.fuzz.case import Case
 
 
 class Draft:
-    """A case that is being drawn, with the numbers to draw from."""
+    """A case under construction; `seed` and `number` alone determine the drawn numbers."""
 
     def __init__(self, family: str, seed: int, number: int) -> None:
         self.rng = np.random.default_rng([seed, number])
         self.case = Case(family=family, seed=seed, number=number, scene={})
         self.steps = 0
+        """Substeps of the run; 0: from the cost of the scene."""
         self.dt_factor = 0.0
+        """Fixed substep over the stability bound at rest; 0: solver.dt=auto."""
 
     def set(self, field: str, value: Any) -> None:
-        """Set a field, as `material.E`."""
+        """Set a field such as `material.E`."""
         section, name = field.split(".")
         self.case.scene.setdefault(section, {})[name] = value
 
     def get(self, field: str) -> Any:
-        """A field that was set before."""
+        """A field that is already set; raises KeyError for another."""
         section, name = field.split(".")
         return self.case.scene[section][name]
 
     def uniform(self, low: float, high: float) -> float:
-        """A number, rounded so that a file of it is readable."""
+        """A uniform number, rounded to six digits for a readable file."""
         return float(f"{self.rng.uniform(low, high):.6g}")
 
     def log(self, low: float, high: float) -> float:
-        """A number uniform in its logarithm."""
+        """A number uniform in its logarithm, rounded to six digits."""
         return float(f"{math.exp(self.rng.uniform(math.log(low), math.log(high))):.6g}")
 
     def choose(self, *values: Any) -> Any:
-        """One of the values."""
+        """One of the values, each equally likely."""
         return values[int(self.rng.integers(len(values)))]
 
     def counts(self, *ranges: tuple[int, int]) -> None:
-        """Particles along x, y, z."""
+        """Draw the numbers of particles along x, y, z, each between two limits."""
         self.case.body.counts = [int(self.rng.integers(low, high + 1)) for low, high in ranges]
 
     @property
@@ -51,7 +53,7 @@ class Draft:
 
     @property
     def spacing(self) -> float:
-        """Distance of particles at rest [m]."""
+        """Particle spacing at rest [m]."""
         return 2.0 / (float(self.get("solver.cells")) * float(self.get("solver.particles_per_axis")))
 
     @property

@@ -1,7 +1,7 @@
-"""What must hold at every frame of a run that ends well, whatever the scene.
+"""Invariants that must hold at every frame of any finished run.
 
-Sums are formed in the precision of the run, so conservation laws hold to round-off: EPS of what was summed, a substep
-at a time. The energy law is one-sided: nothing may create energy; transfers may lose it.
+Sums are formed in the precision of the run, so conservation laws hold to round-off: in each substep EPS, the machine
+epsilon, times the sum of magnitudes. The energy law is one-sided: energy must not appear, but transfers may lose it.
 """
 
 import json
@@ -18,18 +18,18 @@ from fracsim.solve.report import History
 from fracsim.solve.simulator import Simulator
 
 CREATED = 0.05
-"""Part of the work done and of the initial energy that may appear from nowhere, by the error of symplectic Euler."""
-LIGHT = 1e-12
-"""Nodes with less than this part of a cell's mass are taken for empty, and their momentum is lost."""
+"""Energy that may appear by the error of symplectic Euler, as part of the work done and the initial energy."""
+NEGLIGIBLE = 1e-12
+"""Nodes with less than this part of a cell's mass count as empty, and their momentum is lost."""
 SUMMED = 8.0
 """Round-off of a substep in units of EPS: a node sums 8 to 64 particles, each with rounded weights."""
 
 
 class Watch:
-    """Looks at a run; what is violated is collected as sentences in `violations`, the first of each kind."""
+    """Checks a run. `violations` has one sentence for the first violation of each kind."""
 
     def __init__(self, simulator: Simulator, sensible: bool = True) -> None:
-        """`sensible`: whether the scene asks for nothing that the solid cannot do."""
+        """`sensible`: see `fracsim.fuzz.case.sensible`."""
         self.sim, self.scene, self.sensible = simulator, simulator.scene, sensible
         self.eps = float(np.finfo(simulator.state.dtype).eps)
         self.mass = simulator.report.mass
@@ -38,17 +38,17 @@ class Watch:
         self._last_d = np.zeros(len(self.mass))
         self._start = momentum(simulator.state)
         self._work: list[float] = []
-        self._gross = self._loudest = 0.0
+        self._gross_work = self._largest_sum = 0.0
         simulator.progress = self.round
 
-    def violated(self, kind: str, told: str) -> None:
-        """Collect the first violation of a kind."""
+    def violated(self, kind: str, sentence: str) -> None:
+        """Record the first violation of a kind."""
         if kind not in self._kinds:
             self._kinds.add(kind)
-            self.violations.append(f"{kind}: {told}")
+            self.violations.append(f"{kind}: {sentence}")
 
     def round(self, substeps: int, dt: float, t: float) -> None:
-        """After the last substeps of a frame: mass on the grid, and everybody on it."""
+        """After the last substeps of a frame: the grid has the mass of the particles, and all particles are on it."""
         if abs(t * self.scene.capture.fps - round(t * self.scene.capture.fps)) > 1e-6:
             return
         s = self.sim.state
@@ -64,16 +64,17 @@ class Watch:
             self.violated("grid", f"a particle is outside the grid at {t:g} s")
 
     def frame(self, frame: Frame) -> None:
-        """Check a frame and what was booked up to it."""
+        """Check a frame, and the report and energy tally up to it."""
         self._finite(frame)
         self._damage(frame)
-        self._place(frame)
-        self._books(frame)
+        self._positions(frame)
+        self._report(frame)
         self._momentum(frame)
         self._energy(frame)
         self._last_d = frame.d
 
     def _finite(self, frame: Frame) -> None:
+        """All arrays of the frame and the state are finite."""
         s = self.sim.state
         arrays = {"x": frame.x, "v": frame.v, "F": frame.F, "tau": frame.tau, "d": frame.d,
                   "the state's U": s.points.U.to_numpy(), "the state's F": s.points.F.to_numpy()}  # fmt: skip
@@ -83,42 +84,43 @@ class Watch:
                 self.violated("finite", f"{name} of {int(bad.sum())} numbers at frame {frame.index}")
 
     def _damage(self, frame: Frame) -> None:
+        """Damage is in [0, 1] and never falls."""
         if not ((frame.d >= 0) & (frame.d <= 1)).all():
             self.violated("damage", f"outside [0, 1] at frame {frame.index}: {frame.d.min():g} to {frame.d.max():g}")
         fallen = self._last_d - frame.d
         if fallen.max() > 0:
             self.violated("damage", f"fell by {fallen.max():g} at frame {frame.index}")
 
-    def _place(self, frame: Frame) -> None:
-        """Positions as shown are those of the state; grips are at v t along the axis."""
+    def _positions(self, frame: Frame) -> None:
+        """The frame's positions are those of the state; grips have moved by v t along the axis."""
         s, load = self.sim.state, self.scene.loading
         held, intact = self.sim.state.side != 0, frame.d < 1
         U = s.points.U.to_numpy().astype(np.float64)
         shown = frame.x - np.asarray(CENTRE)
-        plain = ~held & (intact | (not s.total))
+        free = ~held & (intact | (not s.total))
         # x is float32, and a sum of X and U in the precision of the run.
-        far = 4 * np.finfo(np.float32).eps * (2 + np.abs(U).max(initial=0))
-        if plain.any() and np.abs(shown - s.X0 - U)[plain].max() > far:
+        tolerance = 4 * np.finfo(np.float32).eps * (2 + np.abs(U).max(initial=0))
+        if free.any() and np.abs(shown - s.X0 - U)[free].max() > tolerance:
             self.violated("frame", f"x of frame {frame.index} is not where the state has its particles")
         if load.grips == "soft" or not held.any():
             return
-        due = load.speed * frame.t
+        expected = load.speed * frame.t
         along = (U @ np.asarray(load.axis)) * self.sim.state.side
         driven = held & (intact | (not s.total))
         # Each substep adds v dt to U, rounded: EPS / 2 of U a substep, in float32 a bias when v dt is tiny.
-        slack = 1e-6 * due + self.eps * self.sim.report.substeps * float(np.abs(U[held]).max())
-        if driven.any() and np.abs(along[driven] - due).max() > slack:
-            off = np.abs(along[driven] - due).max()
-            self.violated("grips", f"a grip is {off:g} m away from v t = {due:g} m at frame {frame.index}")
+        slack = 1e-6 * expected + self.eps * self.sim.report.substeps * float(np.abs(U[held]).max())
+        if driven.any() and np.abs(along[driven] - expected).max() > slack:
+            off = np.abs(along[driven] - expected).max()
+            self.violated("grips", f"a grip is {off:g} m away from v t = {expected:g} m at frame {frame.index}")
 
-    def _books(self, frame: Frame) -> None:
-        """Time, history and summary."""
+    def _report(self, frame: Frame) -> None:
+        """Times, history and summary of the report are consistent with the frame."""
         h: History = self.sim.report.history
-        due = frame.index / self.scene.capture.fps
-        if not math.isclose(frame.t, due, rel_tol=1e-12, abs_tol=0):
-            self.violated("time", f"frame {frame.index} is at {frame.t:g} s instead of {due:g} s")
-        if frame.index and not math.isclose(h.dt_t[-1], due, rel_tol=1e-7):
-            self.violated("time", f"substeps ended at {h.dt_t[-1]:.9g} s, frame {frame.index} is at {due:.9g} s")
+        expected = frame.index / self.scene.capture.fps
+        if not math.isclose(frame.t, expected, rel_tol=1e-12, abs_tol=0):
+            self.violated("time", f"frame {frame.index} is at {frame.t:g} s instead of {expected:g} s")
+        if frame.index and not math.isclose(h.dt_t[-1], expected, rel_tol=1e-7):
+            self.violated("time", f"substeps ended at {h.dt_t[-1]:.9g} s, frame {frame.index} is at {expected:.9g} s")
         rows = (h.t, h.nominal_stretch, h.load, h.stretch_max, h.damaged, h.failed, h.kinetic, h.elastic)
         if any(len(row) != frame.index + 1 for row in rows):
             self.violated("history", f"frame {frame.index} has rows of lengths {[len(row) for row in rows]}")
@@ -128,23 +130,26 @@ class Watch:
             self.violated("summary", f"at frame {frame.index}: {error}")
 
     def _momentum(self, frame: Frame) -> None:
-        """Along the axis momentum changes by the impulses of grips and gravity. Decay and walls take it unbooked; in
-        `total` a particle that fails takes its own along."""
+        """Momentum along the axis changes by the impulses of grips and gravity.
+
+        Not checked with grid decay or walls, since their impulses are not tallied, nor in `total` once a particle has
+        failed, since it takes its momentum off the grid.
+        """
         s, m, damped = self.sim.state, self.scene.material, self.scene.solver.damping != "none"
         failed = s.total and frame.failed.any()
         if (damped and m.decay > 0) or self.scene.solver.walls or failed:
             return
-        books, axis = s.sums(), np.asarray(self.scene.loading.axis)
+        sums, axis = s.sums(), np.asarray(self.scene.loading.axis)
         weight = float(self.mass.sum() * np.asarray(self.scene.loading.gravity) @ axis)
-        due = books[slot.PULL_LOW] + books[slot.PULL_HIGH] + weight * frame.t
-        off = abs(float((momentum(s) - self._start) @ axis) - due)
-        self._loudest = max(self._loudest, self._summands(frame))
-        slack = (SUMMED * self.eps + LIGHT) * (1 + self.sim.report.substeps) * self._loudest
+        impulse = sums[slot.PULL_LOW] + sums[slot.PULL_HIGH] + weight * frame.t
+        off = abs(float((momentum(s) - self._start) @ axis) - impulse)
+        self._largest_sum = max(self._largest_sum, self._grid_sum(frame))
+        slack = (SUMMED * self.eps + NEGLIGIBLE) * (1 + self.sim.report.substeps) * self._largest_sum
         if off > slack:
             self.violated("momentum", f"off by {off:g} N s at frame {frame.index}; round-off explains {slack:g} N s")
 
-    def _summands(self, frame: Frame) -> float:
-        """What the grid sums in a substep: momenta, affine momenta and impulses of the stress [N s]."""
+    def _grid_sum(self, frame: Frame) -> float:
+        """Sum of the magnitudes that the grid adds in a substep: momenta, affine momenta, impulses of stress [N s]."""
         s, h = self.scene, self.scene.solver.h
         dt = self.sim.report.history.dt[-1] if self.sim.report.history.dt else 0.0
         P = np.linalg.norm(frame.tau, axis=(1, 2))
@@ -157,46 +162,53 @@ class Watch:
         return float(sums.sum(dtype=np.float64))
 
     def _energy(self, frame: Frame) -> None:
-        """Kinetic and elastic energy and booked losses never exceed initial energy and booked work. Where J
-        was clamped, in scenes that are not sensible, stress is no derivative of an energy, and nothing is said."""
-        h, books = self.sim.report.history, self.sim.state.sums()
-        if books[slot.CLAMPED] > 0 and not self.sensible:
+        """Kinetic and elastic energy plus tallied losses do not exceed the initial energy plus the tallied work.
+
+        Not checked in scenes that are not sensible once J was clamped: the stress then is no derivative of an energy.
+        """
+        h, sums = self.sim.report.history, self.sim.state.sums()
+        if sums[slot.CLAMPED] > 0 and not self.sensible:
             return
-        work = float(books[slot.GRIP_WORK] + books[slot.GRAVITY_WORK])
-        lost = float(books[slot.DAMAGED] + books[slot.RELEASED])
-        lost += float(books[slot.DECAYED]) * self._truly_decayed()
-        lost += float(books[slot.VISCOUS]) * self._truly_viscous()
-        self._gross += abs(work - (self._work[-1] if self._work else 0.0))
+        work = float(sums[slot.GRIP_WORK] + sums[slot.GRAVITY_WORK])
+        lost = float(sums[slot.DAMAGED] + sums[slot.RELEASED])
+        lost += float(sums[slot.DECAYED]) * self._least_decay()
+        lost += float(sums[slot.VISCOUS]) * self._least_viscous()
+        self._gross_work += abs(work - (self._work[-1] if self._work else 0.0))
         self._work.append(work)
-        put_in = self._gross + abs(h.kinetic[0]) + abs(h.elastic[0])
+        put_in = self._gross_work + abs(h.kinetic[0]) + abs(h.elastic[0])
         excess = h.kinetic[-1] + h.elastic[-1] + lost - work - h.kinetic[0] - h.elastic[0]
         slack = CREATED * put_in + self._energy_round_off(put_in)
         if excess > slack:
             parts = f"kinetic {h.kinetic[-1]:.3g}, elastic {h.elastic[-1]:.3g}, lost {lost:.3g}"
-            told = f"{excess:.3g} J from nowhere at frame {frame.index}, {put_in:.3g} J put in ({parts})"
-            self.violated("energy", told)
+            sentence = f"{excess:.3g} J from nowhere at frame {frame.index}, {put_in:.3g} J put in ({parts})"
+            self.violated("energy", sentence)
 
-    def _truly_viscous(self) -> float:
-        """The least part of the booked viscous work that is really lost: an explicit substep that takes r of a
-        velocity loses r - r^2 / 2 of its energy, where r is booked."""
+    def _least_viscous(self) -> float:
+        """Least part of the tallied viscous work that is really lost.
+
+        An explicit substep that removes r of a velocity v tallies r m v^2 and loses (r - r^2 / 2) m v^2.
+        """
         s, dt = self.scene, max(self.sim.report.history.dt, default=0.0)
         r = 4 * s.material.viscosity * dt / (s.material.density * s.solver.h**2)
         if s.solver.formulation == "total" or s.solver.damping == "per_substep":
-            r = 2.0  # as much as `bearable` lets pass
+            r = 2.0  # the largest that the solver accepts
         return max(1 - min(r, 2.0) / 2, 0.0)
 
-    def _truly_decayed(self) -> float:
-        """The least part of the booked decay that is really lost.
+    def _least_decay(self) -> float:
+        """Least part of the tallied decay that is really lost.
 
-        A node that keeps k of its velocity books m v^2 (1 - k^2) / 2, and strain follows with k v: where drag balances
-        the stress, the stress does a work of m v^2 k (1 - k).
+        The tally adds m v^2 (1 - k^2) / 2 for a node that keeps k of its velocity. The strain follows k v: if drag
+        balances the stress, the work of the stress is m v^2 k (1 - k).
         """
         dts = self.sim.report.history.dt
         k = min((damping(self.sim.state.medium, dt).keep for dt in dts), default=1.0)
         return 2 * k / (1 + k)
 
     def _energy_round_off(self, put_in: float) -> float:
-        """Strain energies are differences of numbers as large as the moduli; F is rounded at each substep."""
+        """Round-off of the energies [J].
+
+        F is rounded in each substep, and strain energies are differences of numbers as large as the moduli.
+        """
         m, n = self.scene.material, 1 + self.sim.report.substeps
         strain = self.eps * math.sqrt(n)
         density = (3 * m.lam + 2 * m.mu) * (strain**2 + SUMMED * self.eps)

@@ -1,4 +1,4 @@
-"""All scenes of a study, one after another, in a worker process that may crash or hang without ending the study."""
+"""Runs the scenes of a study in a worker process, so that a crash or a hang of one does not end the study."""
 
 import importlib.util
 import json
@@ -16,18 +16,18 @@ from fracsim.fuzz.draw import CYCLE, draw
 from fracsim.fuzz.run import Outcome, run
 
 LIMIT = 120.0
-"""Seconds after which a scene counts as hung; kernels may have to be compiled in them."""
+"""Seconds after which a scene counts as hung, compilation of kernels included."""
 MEMORY = 8 * 2**30
-"""Bytes of addresses that a worker may use, so that a scene that wants more fails and not the machine."""
+"""Bytes of address space of a worker. A scene that needs more fails, and the machine does not run out of memory."""
 JOURNAL = "results.jsonl"
-Run = Callable[[Case], Outcome]
+Task = Callable[[Case], Outcome]
 resource: Any = importlib.import_module("resource") if importlib.util.find_spec("resource") else None
 
 
 class Worker:
-    """A process that runs cases; another one takes its place when it has crashed or hung."""
+    """A process that runs cases, replaced by a new one after a crash or a hang."""
 
-    def __init__(self, task: Run = run, limit: float = LIMIT) -> None:
+    def __init__(self, task: Task = run, limit: float = LIMIT) -> None:
         self._task, self._limit = task, limit
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
@@ -43,27 +43,26 @@ class Worker:
                 if not stays:
                     self.stop()
                 return out
-            reason = "hung"
-            told = f"hung: no end within {self._limit:g} s"
+            reason, sentence = "hung", f"hung: no end within {self._limit:g} s"
         except (EOFError, OSError):
             process.join()
-            reason, told = "crashed", f"crashed: the process ended with status {process.exitcode}"
+            reason, sentence = "crashed", f"crashed: the process ended with status {process.exitcode}"
         self.stop()
         return Outcome(family=case.family, seed=case.seed, number=case.number, verdict="wrong", reason=reason,
-                       wrong=[told], seconds=self._limit if reason == "hung" else 0.0)  # fmt: skip
+                       wrong=[sentence], seconds=self._limit if reason == "hung" else 0.0)  # fmt: skip
 
     def _running(self) -> tuple[BaseProcess, Connection]:
-        """The process, started when there is none, and the pipe to it."""
+        """The running process, started if necessary, and the pipe to it."""
         if self._process is None or self._pipe is None:
             context = multiprocessing.get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_serve, args=(theirs, self._task), daemon=True)
+            self._pipe, remote = context.Pipe()
+            self._process = context.Process(target=_serve, args=(remote, self._task), daemon=True)
             self._process.start()
-            theirs.close()
+            remote.close()
         return self._process, self._pipe
 
     def stop(self) -> None:
-        """End the process, whatever it is doing."""
+        """Kill the process, if there is one."""
         if self._process is not None and self._pipe is not None:
             self._process.kill()
             self._process.join()
@@ -71,9 +70,11 @@ class Worker:
         self._process = self._pipe = None
 
 
-def _serve(pipe: Connection, task: Run) -> None:
-    """The other end: run what comes and say whether to go on, since Taichi gives no memory back. Ctrl-C is for the
-    parent to obey."""
+def _serve(pipe: Connection, task: Task) -> None:
+    """The worker process: run each case that arrives and send its outcome, and whether memory is left for another.
+
+    Taichi does not give memory back. Ctrl-C is ignored here, the parent handles it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _limit_memory()
     while True:
@@ -86,12 +87,12 @@ def _serve(pipe: Connection, task: Run) -> None:
 
 
 def _used() -> int:
-    """Bytes that this process has used at most."""
+    """Peak memory of this process [bytes]."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss if resource else 0
 
 
 def _limit_memory() -> None:
-    """Keep this process below MEMORY, where the system can."""
+    """Limit the address space of this process to MEMORY, if the system can."""
     if resource is None:
         return
     _, most = resource.getrlimit(resource.RLIMIT_AS)
@@ -99,12 +100,12 @@ def _limit_memory() -> None:
 
 
 def numbers(scenes: int, only: Sequence[str]) -> list[int]:
-    """The numbers of the scenes of these families, of all when none is named."""
+    """The numbers below `scenes` of the families `only`, of all families if it is empty."""
     return [k for k in range(scenes) if not only or CYCLE[k % len(CYCLE)] in only]
 
 
 def journal(folder: Path, seed: int) -> dict[int, Outcome]:
-    """What is known of the study with this seed; other lines are passed over."""
+    """The outcomes by number in the journal of a folder, of the study with this seed; other lines are skipped."""
     path, known = folder / JOURNAL, {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
@@ -117,9 +118,9 @@ def journal(folder: Path, seed: int) -> dict[int, Outcome]:
 
 
 def study(folder: Path, seed: int, wanted: Sequence[int], worker: Worker) -> Iterator[Outcome]:
-    """Run what is wanted and not in the journal of the folder yet; yields each outcome once it is written there.
+    """Run the cases `wanted` that are not in the journal of the folder; yields each outcome after writing it there.
 
-    Cases that went wrong are kept as YAML files in `folder`/wrong.
+    Wrong cases are kept as YAML files in `folder`/wrong.
     """
     known = journal(folder, seed)
     folder.mkdir(parents=True, exist_ok=True)

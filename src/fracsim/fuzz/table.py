@@ -1,4 +1,4 @@
-"""The outcomes of a study for a person to read."""
+"""The outcomes of a study as a readable table."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -10,7 +10,7 @@ from fracsim.fuzz.run import Outcome
 
 
 def table(outcomes: Iterable[Outcome]) -> Table:
-    """A row a family: how many scenes were drawn, and how they ended."""
+    """One row for each family: the number of its scenes, and of each end."""
     out = Table(title="scenes by family")
     out.add_column("family")
     for name in ("drawn", "finished", "parted", "refused", "wrong", "seconds"):
@@ -28,22 +28,23 @@ def table(outcomes: Iterable[Outcome]) -> Table:
 
 
 def _row(name: str, group: Sequence[Outcome]) -> list[str]:
+    """The cells of the row of a group of outcomes."""
     verdicts = Counter(o.verdict for o in group)
     reasons = Counter(o.reason for o in group if o.verdict == "refused")
-    told = ", ".join(f"{n} {reason}" for reason, n in reasons.most_common())
+    refusals = ", ".join(f"{n} {reason}" for reason, n in reasons.most_common())
     wrong = f"[red]{verdicts['wrong']}[/]" if verdicts["wrong"] else "0"
     parted = sum(o.parted for o in group if o.verdict == "finished")
     return [name, str(len(group)), str(verdicts["finished"]), str(parted), str(verdicts["refused"]), wrong,
-            f"{sum(o.seconds for o in group):.1f}", told]  # fmt: skip
+            f"{sum(o.seconds for o in group):.1f}", refusals]  # fmt: skip
 
 
 def lines(outcomes: Iterable[Outcome]) -> list[str]:
-    """Each wrong scene, marked up, with what was violated."""
+    """Lines on each wrong scene, with markup, and on its violations."""
     out = []
     for o in outcomes:
         if o.verdict == "wrong":
             must = "sensible" if o.sensible else "not sensible"
             out.append(f"[red]wrong[/] {o.family}-{o.seed}-{o.number} ({o.particles:,} particles, {o.substeps:,} "
                        f"substeps, {must})")  # fmt: skip
-            out += [f"      {escape(told)}" for told in o.wrong]
+            out += [f"      {escape(sentence)}" for sentence in o.wrong]
     return out

@@ -121,24 +121,24 @@ def files(folder: Path) -> dict[str, str]:
 def records(names: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
     """The digests of these scenes."""
     with tempfile.TemporaryDirectory() as folder:
-        made = files(Path(folder))
+        paths = files(Path(folder))
         for name in names:
-            words = [w.replace("MESH", made["MESH"]).replace("SPLATS", made["SPLATS"]) for w in SCENES[name]]
-            yield name, record(compose(*words))
+            overrides = [o.replace("MESH", paths["MESH"]).replace("SPLATS", paths["SPLATS"]) for o in SCENES[name]]
+            yield name, record(compose(*overrides))
 
 
-def arguments(words: Sequence[str] | None) -> argparse.Namespace:
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """What the user wants."""
     parser = argparse.ArgumentParser(prog="python -m fracsim.lab.golden", description=__doc__)
     parser.add_argument("--write", action="store_true", help="write the file instead of comparing with it")
     parser.add_argument("--file", type=Path, default=FILE, help=f"where digests are kept ({FILE})")
     parser.add_argument("--only", nargs="+", metavar="SCENE", default=list(SCENES), choices=list(SCENES))
-    return parser.parse_args(words)
+    return parser.parse_args(argv)
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Print a line a scene; 1 when one differs from the file."""
-    wanted = arguments(words)
+    wanted = arguments(argv)
     backend.start(Backend(threads=2))
     known = {} if wanted.write else json.loads(wanted.file.read_text(encoding="utf-8"))
     if known and known["cpu"] != cpu():

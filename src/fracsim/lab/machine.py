@@ -12,14 +12,14 @@ from fracsim.scene.vocab import Backend
 
 def machine() -> dict[str, str]:
     """The columns that are the same for all rows: hardware, versions, commit, date."""
-    made = provenance()
-    commit = (made["git_commit"] or "unknown")[:12] + ("+dirty" if made["git_dirty"] else "")
+    versions = provenance()
+    commit = (versions["git_commit"] or "unknown")[:12] + ("+dirty" if versions["git_dirty"] else "")
     return {
         "cpu": cpu(),
         "cores": str(backend.threads(Backend())),
-        "python": made["python"],
-        "taichi": str(made["taichi"]),
-        "numpy": str(made["numpy"]),
+        "python": versions["python"],
+        "taichi": str(versions["taichi"]),
+        "numpy": str(versions["numpy"]),
         "commit": commit,
         "date": datetime.date.today().isoformat(),
     }

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGE = "fracsim"
-SHAPE = re.compile(r"\((?:N|M|n|T|B|G|H|K|\d|\w+ \+ \d|\w+),[^)]*\)|\[[A-Z]\w*(?:, ?[\w ]+)*\]")
-"""A shape in a docstring, as (N, 3), (N,) or [T, H, W]."""
+SHAPE = re.compile(r"\((?:\.\.\.|[\w +]+),[^)]*\)|\[(?:\.\.\.|[\w +]+),[^\]]*\]|any shape|1-D")
+"""A shape in a docstring, as (N, 3), (N,), (..., 3) or [T, H, W]."""
 LONG, MANY = 80, 8
 """Most lines of a function and most positional arguments of a call; launches of kernels may pass more."""
-KERNELS = frozenset({"kernel", "find", "evaluate", "pull", "composite", "_composite", "step", "substep"})
-"""Names under which kernels are called."""
+LAUNCHED = frozenset({"kernel", "_composite", "projector", "ParticleArrays"})
+"""Names of variables that hold kernels, and of the list of arrays that a kernel makes of its arguments."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,17 @@ def takes_arrays(node: ast.FunctionDef) -> bool:
     return any(a is not None and re.search(r"\bArray\b|ndarray", ast.unparse(a)) for a in annotations)
 
 
-def calls(tree: ast.Module) -> Iterator[tuple[int, str]]:
+def is_kernel(node: ast.FunctionDef) -> bool:
+    """Whether Taichi compiles a function as a kernel, whose signature gives the shapes."""
+    return any(ast.unparse(d) == "ti.kernel" for d in node.decorator_list)
+
+
+def calls(tree: ast.Module, kernels: frozenset[str]) -> Iterator[tuple[int, str]]:
     """Positional arguments and name of each call that launches no kernel."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
-            launches = isinstance(node.func, ast.Call) or called.rpartition(".")[2] in KERNELS
+            launches = isinstance(node.func, ast.Call) or called.rpartition(".")[2] in kernels
             if not launches and not any(isinstance(a, ast.Starred) for a in node.args):
                 yield len(node.args), called
 
@@ -97,11 +102,12 @@ def count(src: Path) -> Counts:
     arrows = {(room(name, src), room(to, src)) for name, tree in trees.items() for to in imports(tree, known)}
     longest, most = (0, ""), (0, "")
     arrays: dict[str, bool] = {}
+    kernels = LAUNCHED | {node.name for tree in trees.values() for _, node, _ in functions(tree) if is_kernel(node)}
     for name, tree in trees.items():
-        most = max(most, *((n, f"{name}: {called}") for n, called in calls(tree)), (0, ""))
+        most = max(most, *((n, f"{name}: {called}") for n, called in calls(tree, kernels)), (0, ""))
         for dotted, node, public in functions(tree):
             longest = max(longest, ((node.end_lineno or 0) - node.lineno + 1, f"{name}:{dotted}"))
-            if public and takes_arrays(node):
+            if public and takes_arrays(node) and not is_kernel(node):
                 arrays[f"{name}:{dotted}"] = bool(SHAPE.search(ast.get_docstring(node) or ""))
     between = {(a, b) for a, b in arrows if a != b and PACKAGE not in (a, b)}
     without = tuple(name for name, shaped in arrays.items() if not shaped)

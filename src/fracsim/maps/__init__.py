@@ -1,7 +1,8 @@
-"""Physics maps, one module each: `quantity(frame, camera_axes) -> [N, CHANNELS]` and how to show it.
+"""Physics maps, one module each.
 
-A map module has CHANNELS; UNIT and LABEL, for people; SCALE, the value shown as 1, or None for the largest of the
-clip. `fracsim.codec` turns recorded maps into video in [0, 1] and back.
+`quantity(frame, camera_axes)` gives the map's value at each particle, (N, CHANNELS). The rows of `camera_axes`, (3, 3),
+are the camera's right, down and ahead in world coordinates. CHANNELS, UNIT and LABEL describe the value. SCALE is the
+value shown as 1, or None for the largest value of the clip. `fracsim.codec` turns recorded maps into video and back.
 """
 
 from types import ModuleType

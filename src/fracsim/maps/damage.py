@@ -11,5 +11,5 @@ SCALE: float | None = 1.0
 
 
 def quantity(frame: Frame, camera_axes: Array) -> Array:
-    """Damage d in [0, 1] (Eq. 4), (N, 1)."""
+    """Damage d in [0, 1] (Eq. 4), (N, 1); `camera_axes`, (3, 3), plays no part."""
     return np.ascontiguousarray(frame.d)[:, None]

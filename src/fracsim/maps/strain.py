@@ -11,8 +11,8 @@ SCALE: float | None = None
 
 
 def quantity(frame: Frame, camera_axes: Array) -> Array:
-    """Frobenius norm of E = (F^T F - I) / 2 (Eq. 2), (N, 1)."""
-    # One contiguous row a component. I is subtracted before squaring: traces of F^T F would cancel in float32.
+    """Frobenius norm of E = (F^T F - I) / 2 (Eq. 2), (N, 1); `camera_axes`, (3, 3), plays no part."""
+    # One contiguous row a component. I is subtracted before squaring: in float32 traces of F^T F would cancel.
     f = np.ascontiguousarray(frame.F.reshape(-1, 9).T).reshape(3, 3, -1)
     twice = np.einsum("kin,kjn->ijn", f, f)
     twice[(0, 1, 2), (0, 1, 2)] -= 1

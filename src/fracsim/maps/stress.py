@@ -1,4 +1,4 @@
-"""Stress: the von Mises measure of what the damaged material still carries."""
+"""Stress: the von Mises measure of the stress that the damaged material carries."""
 
 import numpy as np
 
@@ -11,7 +11,10 @@ SCALE: float | None = None
 
 
 def quantity(frame: Frame, camera_axes: Array) -> Array:
-    """Von Mises stress sqrt(3/2 s : s) of the degraded Cauchy stress tau / J, s its deviator [Pa], (N, 1)."""
+    """Von Mises stress sqrt(3/2 s : s) [Pa], (N, 1), with s the deviator of the degraded Cauchy stress tau / J.
+
+    `camera_axes`, (3, 3), plays no part.
+    """
     xx, xy, xz, _, yy, yz, _, _, zz = np.ascontiguousarray(frame.tau.reshape(-1, 9).T)
     normal = 0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
     shear = 3 * (xy**2 + yz**2 + xz**2)
@@ -19,7 +22,7 @@ def quantity(frame: Frame, camera_axes: Array) -> Array:
 
 
 def _volume_ratio(F: Array) -> Array:
-    """|det F|, (N,), kept off zero: failed particles may be flat, and 0 / 0 is no stress."""
+    """|det F| of F (N, 3, 3), (N,), bounded away from zero: failed particles may be flat, and 0 / 0 is no stress."""
     a, b, c, d, e, f, g, h, i = np.ascontiguousarray(F.reshape(-1, 9).T)
     J = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     return np.asarray(np.maximum(np.abs(J), np.finfo(J.dtype).tiny))

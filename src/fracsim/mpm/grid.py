@@ -12,7 +12,7 @@ from fracsim.mpm.transfer import PAD
 from fracsim.records import Array
 
 MAX_NODES = 2**25
-"""No grid larger than this is made: 1 GiB in float32, or 2 when it has grown, since Taichi keeps the smaller ones."""
+"""Most nodes of a grid and of all copies together: 1 GiB in float32, or 2 when it has grown."""
 
 
 class NodeGrid:

@@ -99,12 +99,21 @@ def limit(medium: Medium, stiffness: float, fastest: float, rate: float) -> floa
 
 
 def require_stable(medium: Medium) -> str:
-    """A warning, or "", for a fixed dt; raises ValueError when it is beyond the bound and not overridden."""
-    dt = medium.solver.dt
+    """A warning, or "", for a fixed dt.
+
+    Raises ValueError when dt is beyond the bound and not overridden, and for a damping that no substep can bear.
+    """
+    dt, m = medium.solver.dt, medium.material
+    bound = stable_at_rest(medium)
+    if bound == 0:
+        r = 4 * m.viscosity * DT0 / (m.density * H0**2)
+        raise ValueError(
+            f"material.viscosity={m.viscosity:g} Pa s is an RPIC damping of r = {r:.3g} a substep: "
+            "solver.damping=per_substep is unstable from r = 2 on, whatever the substep. Use solver.damping=physical "
+            f"or a viscosity below {m.viscosity * 2 / r:.3g} Pa s."
+        )
     if isinstance(dt, str):
         return ""
-    bound = stable_at_rest(medium)
-    m = medium.material
     why = f"(E={m.E:g}, nu={m.nu:g}, density={m.density:g}, h={medium.solver.h:.4g} m)"
     if dt <= bound:
         return ""

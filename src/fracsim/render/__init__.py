@@ -1,1 +1,1 @@
-"""Deformed Gaussians to pictures: camera, projection, tiles, compositing; `splat` is the host that calls them."""
+"""Deformed Gaussians to pictures: projection, tiles, compositing. `splat` calls them, `film` films a simulation."""

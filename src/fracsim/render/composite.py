@@ -12,36 +12,36 @@ from fracsim.render.project import LOG_FLOOR
 ALPHA_CAP = 0.99
 """Largest alpha of one Gaussian at a pixel."""
 STOP = 1e-4
-"""A pixel is done at the Gaussian that would bring its transmittance below this; that one is left out."""
+"""Lowest transmittance of a pixel. The first Gaussian that would fall below it is left out, and the pixel is done."""
 
 
 @ti.func
 def pixels(low, high, first, end):
-    """The range of pixels of first, ..., end - 1 whose centres lie in [low, high] [px], rounding on the safe side."""
-    # Bounded before the cast: the box of a huge Gaussian has no int32.
+    """First and end of the pixels among first, ..., end - 1 with centres in [low, high] [px], rounded outwards."""
+    # Clamped before the cast: the bounds of a huge Gaussian exceed an int32.
     start, stop = ti.max(ti.ceil(low - 0.501), first), ti.min(ti.floor(high - 0.499) + 1, end)
     return ti.cast(start, ti.i32), ti.cast(stop, ti.i32)
 
 
 @cache
 def compositor(channels: int, block: int, dtype: Any) -> Any:
-    """The kernel that adds up features alpha_i prod_{j < i} (1 - alpha_j) of each pixel's Gaussians, nearest first.
+    """The kernel that sums feature_i alpha_i prod_{j < i} (1 - alpha_j) over each pixel's Gaussians, nearest first.
 
-    A thread takes a block of block x block pixels of one tile and touches only those that a Gaussian covers: whole
-    tiles suit a CPU, single pixels a GPU. It ends when all its pixels are done. No background is blended in.
+    A thread takes block x block pixels of one tile and visits only those that a Gaussian covers. It ends when all its
+    pixels are done. Whole tiles suit a CPU, single pixels a GPU. No background is blended in.
     """
     feature = ti.types.vector(channels, dtype)
 
     @ti.kernel
     def composite(
-        starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [tiles + 1] where a tile's entries start
-        entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [P] Gaussians, nearest first
-        ellipse: ti.types.ndarray(dtype=ti.types.vector(8, dtype), ndim=1),  # [N] see `projector`
-        depth: ti.types.ndarray(dtype=dtype, ndim=1),  # [N] [m]
-        features: ti.types.ndarray(dtype=feature, ndim=1),  # [N]
-        image: ti.types.ndarray(dtype=feature, ndim=2),  # [H, W] in: zero
-        transmittance: ti.types.ndarray(dtype=dtype, ndim=2),  # [H, W] in: one; out: negative where done
-        median: ti.types.ndarray(dtype=dtype, ndim=2),  # [H, W] in: infinite; out: depth of transmittance 1/2 [m]
+        starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first entry of each tile, (tiles + 1,)
+        entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # Gaussians of the tiles, nearest first, (entries,)
+        ellipse: ti.types.ndarray(dtype=ti.types.vector(8, dtype), ndim=1),  # see `projector`, (N,)
+        depth: ti.types.ndarray(dtype=dtype, ndim=1),  # [m], (N,)
+        features: ti.types.ndarray(dtype=feature, ndim=1),  # (N,)
+        image: ti.types.ndarray(dtype=feature, ndim=2),  # in: zero, (H, W)
+        transmittance: ti.types.ndarray(dtype=dtype, ndim=2),  # in: one; out: negative where done, (H, W)
+        median: ti.types.ndarray(dtype=dtype, ndim=2),  # in: infinite; out: depth of transmittance 1/2 [m], (H, W)
     ):
         # Pixels in the order of tiles and blocks: on a CPU 512 consecutive ones stay on one thread.
         for p in range(image.shape[0] * image.shape[1]):

@@ -18,7 +18,7 @@ SH0 = 0.28209479177387814
 
 @dataclass(frozen=True)
 class Picture:
-    """What was filmed of one frame."""
+    """One filmed frame."""
 
     rgb: Array | None
     """Colour on white, (H, W, 3) uint8."""
@@ -31,7 +31,8 @@ class Picture:
 
 
 def on_white(image: Array, alpha: Array) -> Array:
-    """Colours over white as bytes, (H, W, 3); most pixels show nothing and need no arithmetic."""
+    """Colours over white, (H, W, 3) uint8, of an image (H, W, C), RGB first, with alpha (H, W)."""
+    # Only where alpha > 0: most pixels are empty and need no arithmetic.
     out, seen = np.full((*alpha.shape, 3), 255, np.uint8), alpha > 0
     over = image[seen, :3] + (1 - alpha[seen])[:, None]
     out[seen] = np.rint(np.clip(over, 0, 1) * 255).astype(np.uint8)
@@ -55,8 +56,8 @@ class Film:
         return self.splatter.render(frame.x, particles.covariance, frame.F, particles.opacity, features)
 
     def colours(self, frame: Frame, particles: Particles) -> Array:
-        """Colour of each Gaussian as seen from here, (N, 3); a constant colour needs no rotation."""
-        if particles.sh.shape[1] == 1:
+        """Colour of each Gaussian as the camera sees it, (N, 3)."""
+        if particles.sh.shape[1] == 1:  # the same from every direction: no rotation needed
             return np.maximum(0.5 + SH0 * particles.sh[:, 0], 0).astype(np.float32)
         return colours(self.view, frame.x, particles.sh, rotations(frame.F))
 
@@ -76,7 +77,10 @@ class Film:
         return Picture(rgb, alpha, pictures, median)
 
     def choose_tracks(self, frame: Frame, particles: Particles, picture: Picture) -> Array:
-        """Indices of at most capture.tracks surface particles seen in `frame`, spread at random by the scene's seed."""
+        """Sorted indices (M,) of surface particles visible in `frame`, drawn at random with the scene's seed.
+
+        M is capture.tracks, or the number of visible surface particles if there are fewer.
+        """
         seen = particles.surface.copy()
         if picture.median is not None:
             seen &= visibility(self.view, picture.median, frame.x, particles.spacing)
@@ -86,7 +90,7 @@ class Film:
         return np.sort(rng.choice(candidates, count, replace=False))
 
     def tracks(self, frame: Frame, tracked: Array, picture: Picture) -> tuple[Array, Array]:
-        """Image positions [px], (M, 2), and whether each tracked particle is seen, (M,)."""
+        """Image positions [px], (M, 2), of the particles `tracked`, (M,), and whether each is seen, (M,) bool."""
         x = frame.x[tracked]
         xy = project(self.view, x)[0]
         if picture.median is None:
@@ -95,7 +99,9 @@ class Film:
 
     @staticmethod
     def gaussians(frame: Frame, particles: Particles) -> tuple[Array, Array, Array, Array]:
-        """Means, covariances F A F^T (N, 6), opacities and turned SH coefficients of the deformed Gaussians."""
+        """The deformed Gaussians: means (N, 3) [m], covariances F A F^T (N, 6) [m^2], opacities (N,), SH coefficients
+        (N, K, 3). The coefficients have turned with the material.
+        """
         xx, xy, xz, yy, yz, zz = particles.covariance.T
         A = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
         B = frame.F @ A @ frame.F.transpose(0, 2, 1)

@@ -1,4 +1,4 @@
-"""EWA projection of deformed Gaussians to ellipses in the picture (Zwicker et al. 2001)."""
+"""EWA projection of deformed Gaussians to ellipses in the image (Zwicker et al. 2001)."""
 
 from functools import cache
 from math import log
@@ -12,14 +12,17 @@ from fracsim.camera import NEAR, TILE
 LOW_PASS = 0.3
 """Variance added to every image covariance [px^2]."""
 LOG_FLOOR = log(1 / 255)
-"""A Gaussian ends where the logarithm of its alpha falls below this."""
+"""Smallest logarithm of alpha that is composited."""
 WIDEN = 0.3
-"""The Jacobian follows the centre up to 1 + WIDEN times the half field of view."""
+"""The Jacobian is evaluated at the Gaussian's centre, clamped to 1 + WIDEN times the half field of view."""
 
 
 @ti.func
 def jacobian(t, focal, low, high):
-    """Derivative of the image position [px] by the camera position t [m], its tangents held in [low, high]."""
+    """Derivative, (2, 3), of the image position [px] by the camera position t [m], (3,).
+
+    The tangents t_x / t_z and t_y / t_z are clamped to [low, high], (2,) each.
+    """
     u = ti.math.clamp(t[0] / t[2], low[0], high[0])
     v = ti.math.clamp(t[1] / t[2], low[1], high[1])
     return ti.Matrix([[focal[0], 0, -focal[0] * u], [0, focal[1], -focal[1] * v]]) / t[2]
@@ -27,14 +30,17 @@ def jacobian(t, focal, low, high):
 
 @ti.func
 def finite(x):
-    """Whether x is a number; by its bits, because fast math lets comparisons assume that they see no NaN."""
+    """Whether x is finite, by its bits: fast math lets the compiler assume that no comparison meets NaN."""
     return not (ti.math.isnan(x) or ti.math.isinf(x))
 
 
 @ti.func
 def tiles_over(low, high, count):
-    """The tiles, of `count` along x and y, that the box from low to high [px] meets: first x, y and end x, y."""
-    # Clamped before the cast: a huge radius has no int32. The margin keeps rounding from losing an edge pixel.
+    """First x, y and end x, y, (4,), of the tiles that meet the box from low to high [px], (2,) each.
+
+    There are `count`, (2,), tiles along x and y.
+    """
+    # Clamped before the cast: a huge radius exceeds an int32. The margin keeps rounding from losing an edge pixel.
     first = ti.math.clamp(ti.floor(low / TILE - 1e-3), 0, count)
     end = ti.math.clamp(ti.floor(high / TILE + 1e-3) + 1, 0, count)
     return ti.cast(ti.Vector([first[0], first[1], end[0], end[1]]), ti.i32)
@@ -45,27 +51,27 @@ def projector(dtype: Any) -> Any:
     """The kernel that writes each Gaussian's depth, tile rectangle and image ellipse.
 
     With (x, y, a, b, c, peak, half width, half height) = ellipse, alpha at (x + u, y + v) [px] is the exponential of
-    peak + a u^2 + b u v + c v^2, and at least 1/255 only within the half sizes. A Gaussian is left out (an empty
-    rectangle) nearer than NEAR, outside the picture, nowhere above 1/255, or degenerate: not finite, or of a
-    determinant that is not positive.
+    peak + a u^2 + b u v + c v^2. It reaches 1/255 only within the half sizes. A Gaussian gets an empty rectangle if it
+    is nearer than NEAR, outside the image, nowhere above 1/255, not finite, or has a covariance whose determinant is
+    not positive.
     """
     real2, real3, real6, real8 = (ti.types.vector(n, dtype) for n in (2, 3, 6, 8))
     real33 = ti.types.matrix(3, 3, dtype)
 
     @ti.kernel
     def project(
-        means: ti.types.ndarray(dtype=real3, ndim=1),  # [N] world [m]
-        covariance: ti.types.ndarray(dtype=real6, ndim=1),  # [N] at rest: xx xy xz yy yz zz [m^2]
-        F: ti.types.ndarray(dtype=real33, ndim=1),  # [N] deformation gradients
-        opacity: ti.types.ndarray(dtype=dtype, ndim=1),  # [N]
+        means: ti.types.ndarray(dtype=real3, ndim=1),  # world [m], (N,)
+        covariance: ti.types.ndarray(dtype=real6, ndim=1),  # at rest: xx xy xz yy yz zz [m^2], (N,)
+        F: ti.types.ndarray(dtype=real33, ndim=1),  # deformation gradients, (N,)
+        opacity: ti.types.ndarray(dtype=dtype, ndim=1),  # (N,)
         R: real33,  # rotation from world to camera
         shift: real3,  # translation from world to camera [m]
         focal: real2,  # fx, fy [px]
         axis: real2,  # cx, cy [px]
         size: real2,  # width, height [px]
-        depth: ti.types.ndarray(dtype=dtype, ndim=1),  # [N] out [m], 0 where left out
-        rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # [N] out: first x, y, end x, y
-        ellipse: ti.types.ndarray(dtype=real8, ndim=1),  # [N] out
+        depth: ti.types.ndarray(dtype=dtype, ndim=1),  # out: [m], 0 where left out, (N,)
+        rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # out: first, end tile (x, y), (N,)
+        ellipse: ti.types.ndarray(dtype=real8, ndim=1),  # out: see above, (N,)
     ):
         for g in range(means.shape[0]):
             t = R @ means[g] + shift

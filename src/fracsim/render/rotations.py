@@ -20,7 +20,7 @@ def polar(
 
 
 def rotations(F: Array) -> Array:
-    """R of the polar decompositions F = R S, (N, 3, 3) -> (N, 3, 3) float32."""
+    """R, (N, 3, 3) float32, of the polar decompositions F = R S of F, (N, 3, 3)."""
     R = np.empty(F.shape, np.float32)
     polar(np.ascontiguousarray(F, np.float32), R)
     return R

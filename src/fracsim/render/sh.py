@@ -1,7 +1,7 @@
 """Colour from real spherical harmonics of degree 0 to 3: order, signs and offset of 3DGS (Kerbl et al. 2023).
 
-A Gaussian that turns carries its colour along: f'(d) = f(R^T d). The coefficients of f' follow from those of f by a
-block-diagonal (Wigner) matrix; evaluating f in the direction turned back, R^T d, is the same function without it.
+A Gaussian that turns by R carries its colour along: f'(d) = f(R^T d). The coefficients of f' follow from those of f by
+a block-diagonal (Wigner) matrix. Here f is evaluated in the direction R^T d instead, with the same result.
 """
 
 from functools import cache
@@ -22,7 +22,7 @@ C3 = sqrt(35 / (32 * pi)), sqrt(105 / (4 * pi)), sqrt(21 / (32 * pi)), sqrt(7 / 
 
 @ti.func
 def basis(d, k: ti.template()):
-    """The k = 1, 4, 9 or 16 functions in the unit direction d, order m = -l..l, Condon-Shortley phase."""
+    """The first k = 1, 4, 9 or 16 functions, (k,), in the unit direction d, (3,); m = -l..l, Condon-Shortley phase."""
     x, y, z = d
     Y = ti.Vector([0 * x] * k)
     Y[0] = C0
@@ -41,13 +41,13 @@ def basis(d, k: ti.template()):
 
 @cache
 def evaluator(k: int, dtype: Any) -> Any:
-    """The kernel of max(0, 0.5 + sum of coefficients times basis)."""
+    """The kernel of max(0, 0.5 + sum_i Y_i c_i) for k coefficients c."""
 
     @ti.kernel
     def evaluate(
-        sh: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=2),  # [N, k]
-        directions: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # [N] of any length
-        out: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # [N]
+        sh: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=2),  # coefficients, (N, k)
+        directions: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # of any length, (N,)
+        out: ti.types.ndarray(dtype=ti.types.vector(3, dtype), ndim=1),  # colours, (N,)
     ):
         for g in range(directions.shape[0]):
             Y = basis(directions[g].normalized(), k)
@@ -62,7 +62,7 @@ def evaluator(k: int, dtype: Any) -> Any:
 def colour(sh: Array, directions: Array) -> Array:
     """Colours, (N, 3), of coefficients (N, K, 3), K = 1, 4, 9 or 16, seen along directions (N, 3) of any length.
 
-    Directions run from the eye to the Gaussian; colours are not negative but may exceed 1. Raises ValueError for
+    Directions point from the eye to the Gaussian. Colours are at least 0 and may exceed 1. Raises ValueError for
     another K. Source: Kerbl et al. 2023.
     """
     n, k = sh.shape[:2]

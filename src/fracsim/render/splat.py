@@ -1,4 +1,4 @@
-"""The host of the rasteriser: project, order, bin, composite; one call, one pass over all features."""
+"""The host side of the rasteriser: project, order by depth, bin into tiles, composite all features in one pass."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from fracsim.render.project import projector
 
 
 class Splatter:
-    """Renders Gaussians seen from one view; buffers are kept between frames and grow when needed."""
+    """Renders Gaussians seen from one view. Buffers are kept between frames and grow when needed."""
 
     def __init__(self, view: View, features: int, dtype: Any = np.float32) -> None:
         """`features` channels a Gaussian; arithmetic and results in `dtype`, float32 or float64."""
@@ -37,9 +37,10 @@ class Splatter:
     ) -> tuple[Array, Array, Array]:
         """Image (H, W, C), alpha (H, W) and median depth (H, W) [m] of N Gaussians.
 
-        means (N, 3) [m]; covariance (N, 6) at rest, xx xy xz yy yz zz [m^2], shown as F A F^T; F (N, 3, 3); opacity
-        (N,) in [0, 1]; features (N, C). No background is blended in: add background * (1 - alpha). The median depth is
-        where the transmittance falls below 1/2, infinite where it does not. Raises ValueError on a wrong shape.
+        means (N, 3) [m]; covariance A (N, 6) at rest, xx xy xz yy yz zz [m^2], rendered as F A F^T; F (N, 3, 3);
+        opacity (N,) in [0, 1]; features (N, C). No background is blended in: add background * (1 - alpha). The median
+        depth is that at which the transmittance falls below 1/2, infinite if it never does. Raises ValueError on a
+        wrong shape.
         """
         given = {"means": means, "covariance": covariance, "F": F, "opacity": opacity, "features": features}
         gaussians = [self._checked(name, array, len(means)) for name, array in given.items()]
@@ -51,19 +52,25 @@ class Splatter:
                             image, transmittance, median)  # fmt: skip
         return image, 1 - np.abs(transmittance), median
 
-    def listed(self) -> tuple[Any, Any, Any]:
-        """What the compositor went through for the last picture: see its `starts`, `entries` and `ellipse`."""
+    def tile_lists(self) -> tuple[Any, Any, Any]:
+        """The compositor's `starts` (tiles + 1,), `entries` (entries,) and `ellipse` (N,) of the last image."""
         return self._starts, self._entries, self._ellipse
 
     def _checked(self, name: str, array: Array, n: int) -> Array:
-        """The array as the kernels take it; raises ValueError unless it has its shape for n Gaussians."""
+        """`array`, contiguous and in the working precision; raises ValueError unless its shape fits n Gaussians.
+
+        Shapes: means (n, 3), covariance (n, 6), F (n, 3, 3), opacity (n,), features (n, C).
+        """
         tail = {"means": (3,), "covariance": (6,), "F": (3, 3), "opacity": (), "features": (self.features,)}[name]
         if array.shape != (n, *tail):
             raise ValueError(f"splat: {name} has shape {array.shape}, expected {(n, *tail)}.")
         return np.ascontiguousarray(array, self.dtype)
 
     def _bin(self, means: Array, covariance: Array, F: Array, opacity: Array) -> int:
-        """Project, order by depth and list the Gaussians of each tile; returns the number of entries."""
+        """Project, order by depth and list the Gaussians of each tile; returns the number of entries.
+
+        Takes means (N, 3), covariance (N, 6), F (N, 3, 3) and opacity (N,) as in `render`.
+        """
         self._reserve(len(means))
         self._project(means, covariance, F, opacity)
         order = tiles.depth_order(self._depth.to_numpy()[: len(means)])
@@ -78,7 +85,7 @@ class Splatter:
         return total
 
     def _reserve(self, n: int) -> None:
-        """Make room for the projection of n Gaussians."""
+        """Enlarge the buffers of the projection to n Gaussians."""
         if n > self._capacity:
             self._capacity = n
             self._depth = self._arrays.zeros(self._real, n)
@@ -86,7 +93,7 @@ class Splatter:
             self._ellipse = self._arrays.zeros(self._real, n, element=(8,))
 
     def _project(self, means: Array, covariance: Array, F: Array, opacity: Array) -> None:
-        """Fill depth, rectangle and ellipse."""
+        """Fill depth, rectangle and ellipse from means (N, 3), covariance (N, 6), F (N, 3, 3) and opacity (N,)."""
         view = self.view
         projector(self._real)(
             means, covariance, F, opacity, view.rotation, view.world_to_camera[:3, 3], (view.fx, view.fy),
@@ -95,7 +102,7 @@ class Splatter:
 
 
 def colours(view: View, means: Array, sh: Array, R: Array) -> Array:
-    """Colours, (N, 3), of Gaussians at means (N, 3) [m] that turned by R (N, 3, 3), with coefficients sh (N, K, 3).
+    """Colours, (N, 3), of Gaussians at means (N, 3) [m], turned by R (N, 3, 3), with coefficients sh (N, K, 3).
 
     Directions from the eye are turned back by R^T (see `fracsim.render.sh`). Raises ValueError unless K is 1, 4, 9
     or 16.
@@ -105,9 +112,11 @@ def colours(view: View, means: Array, sh: Array, R: Array) -> Array:
 
 
 def visibility(view: View, median: Array, points: Array, tolerance: float) -> Array:
-    """Whether each point, (N, 3) [m], is seen: in the picture, and at most `tolerance` [m] behind the median depth.
+    """Whether each point, (N, 3) [m], is visible, (N,): inside the image, at most `tolerance` [m] behind the median
+    depth.
 
-    `median` is the third result of `Splatter.render`: in front of a visible point at most half the light is lost.
+    `median`, (H, W) [m], is the third result of `Splatter.render`. So at most half the light is lost in front of a
+    visible point, up to the tolerance.
     """
     xy, depth = project_points(view, points)
     inside = (depth > NEAR) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)

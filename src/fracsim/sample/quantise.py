@@ -26,7 +26,7 @@ def quantise(raw: Array) -> tuple[Array, tuple[float, float]]:
 
 
 def dequantise(codes: Array, lo: float, hi: float) -> Array:
-    """float32 values lo + codes / LEVELS * (hi - lo), arranged so that the code of zero gives exactly 0."""
+    """float32 values lo + codes / LEVELS * (hi - lo) of codes of any shape; the code of zero gives exactly 0."""
     if hi <= lo:
         return np.zeros(codes.shape, np.float32)
     step = (hi - lo) / LEVELS

@@ -115,7 +115,7 @@ class Sample:
         return Maps(tuple(self.meta["maps"]), self.read)
 
     def read(self, what: str, start: int = 0, stop: int | None = None) -> Array:
-        """Frames start .. stop - 1 (default: all) of "rgb", "alpha" or a map, as in `rgb`, `alpha` and `maps`.
+        """Frames start .. stop - 1 (default: all) of "rgb", "alpha" or a map, [T, ...] as `rgb`, `alpha` and `maps`.
 
         Decodes these frames only and keeps nothing. Raises ValueError for a range that is empty or not within
         0 .. frames, for what was not recorded, and for damage within the range.

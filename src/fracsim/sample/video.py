@@ -50,7 +50,7 @@ class Encoder:
                                          stderr=self._errors, start_new_session=True)  # fmt: skip
 
     def write(self, frame: Array) -> None:
-        """Append a frame; raises OSError with the encoder's message when it has ended."""
+        """Append a frame, (height, width) or (height, width, 3); raises OSError when the encoder has ended."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(np.ascontiguousarray(frame).data.cast("B"))

@@ -24,8 +24,8 @@ COLUMNS = ("problem", "formulation", "quantity", "exact", "measured", "error", "
            "seconds")  # fmt: skip
 
 
-def arguments(words: Sequence[str] | None) -> argparse.Namespace:
-    """What the user wants."""
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The parsed options."""
     parser = argparse.ArgumentParser(prog="python -m fracsim.verify", description=__doc__)
     parser.add_argument("--quality", default="default", choices=QUALITIES, help="preset whose solver fields are used")
     parser.add_argument("--formulation", choices=(*problem.FORMULATIONS, "both"), help="default: that of the quality")
@@ -33,21 +33,21 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", metavar="NAME", nargs="+", choices=problem.names(), help=", ".join(problem.names()))
     parser.add_argument("--quick", action="store_true", help="small sizes and few refinements, in about a minute")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for CSV and plots ({FOLDER})")
-    return parser.parse_args(words)
+    return parser.parse_args(argv)
 
 
-def settings(wanted: argparse.Namespace) -> list[Setting]:
-    """One setting a formulation."""
-    preset = problem.preset(wanted.quality)
-    if wanted.precision:
-        preset = dataclasses.replace(preset, precision=wanted.precision)
-    form = wanted.formulation or preset.formulation
+def settings(options: argparse.Namespace) -> list[Setting]:
+    """One setting for each formulation."""
+    preset = problem.preset(options.quality)
+    if options.precision:
+        preset = dataclasses.replace(preset, precision=options.precision)
+    form = options.formulation or preset.formulation
     forms = problem.FORMULATIONS if form == "both" else (form,)
-    return [Setting(preset, form, wanted.quick) for form in forms]
+    return [Setting(preset, form, options.quick) for form in forms]
 
 
 def checks(names: Sequence[str], under: Sequence[Setting], progress: Progress) -> Iterator[Check]:
-    """All checks of the problems, one problem after the other."""
+    """The checks of all problems under all settings."""
     pairs = [(name, s) for name in names for s in under if problem.suits(name, s.formulation)]
     task = progress.add_task("", total=len(pairs))
     for name, setting in pairs:
@@ -57,12 +57,12 @@ def checks(names: Sequence[str], under: Sequence[Setting], progress: Progress) -
 
 
 def number(value: float | None) -> str:
-    """Five digits, or nothing."""
+    """A number with five digits; empty for None or NaN."""
     return "" if value is None or math.isnan(value) else f"{value:.5g}"
 
 
 def table(rows: Iterable[Check]) -> Table:
-    """The checks for a person to read."""
+    """The checks as a readable table."""
     out = Table("problem", "formulation", "quantity")
     for name in ("exact", "measured", "error", "tolerance"):
         out.add_column(name, justify="right", no_wrap=True)
@@ -71,18 +71,18 @@ def table(rows: Iterable[Check]) -> Table:
     last = ("", "")
     for row in rows:
         name, form = row.problem, row.formulation
-        told = ("", "") if (name, form) == last else (name, form)
+        head = ("", "") if (name, form) == last else (name, form)
         colour = {"yes": "[green]", "no": "[red]", "": ""}[row.ok]
         unit = "" if row.unit == "1" else f" [{row.unit}]"
         error = number(row.error) and f"{row.error:.2g}"
-        out.add_row(*told, row.quantity + unit.replace("[", r"\["), number(row.exact), number(row.measured), error,
+        out.add_row(*head, row.quantity + unit.replace("[", r"\["), number(row.exact), number(row.measured), error,
                     number(row.tolerance), colour + row.ok, f"{row.seconds:.1f}")  # fmt: skip
         last = name, form
     return out
 
 
 def write(rows: Iterable[Check], folder: Path, name: str, quality: str) -> Path:
-    """Store the checks as a CSV file with hardware, versions and commit, and return where."""
+    """Store the checks as a CSV file with hardware, versions and commit; returns its path."""
     about = machine()
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
@@ -95,24 +95,25 @@ def write(rows: Iterable[Check], folder: Path, name: str, quality: str) -> Path:
     return folder / f"{name}.csv"
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run, print and store; a missed tolerance is said in the table and is no error."""
-    wanted, console = arguments(words), Console(highlight=False, width=None if sys.stdout.isatty() else 150)
-    label = "_".join([wanted.quality, *([wanted.precision] if wanted.precision else []), *["quick"] * wanted.quick])
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run, print and store; 130 if interrupted. A missed tolerance is marked in the table and is no error."""
+    options, console = arguments(argv), Console(highlight=False, width=None if sys.stdout.isatty() else 150)
+    parts = [options.quality, *([options.precision] if options.precision else []), *["quick"] * options.quick]
+    label = "_".join(parts)
     backend.start(Backend(threads=1))
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         rows: list[Check] = []
         try:
-            rows.extend(checks(wanted.only or problem.names(), settings(wanted), progress))
+            rows.extend(checks(options.only or problem.names(), settings(options), progress))
         except KeyboardInterrupt:
             console.print(table(rows))
-            path = write(rows, wanted.out, f"{label}_part", wanted.quality)
-            console.print(f"interrupted: stored in {path}; --only NAME ... runs what is left", soft_wrap=True)
+            path = write(rows, options.out, f"{label}_part", options.quality)
+            console.print(f"interrupted: stored in {path}; use --only NAME ... for the other problems", soft_wrap=True)
             return 130
     console.print(table(rows))
-    label += "_part" * bool(wanted.only)  # never in the place of the whole
-    path = write(rows, wanted.out, label, wanted.quality)
-    drawn = plots.draw(rows, wanted.out)
+    label += "_part" * bool(options.only)  # an incomplete file does not replace a complete one
+    path = write(rows, options.out, label, options.quality)
+    drawn = plots.draw(rows, options.out)
     met, asked = sum(row.ok == "yes" for row in rows), sum(row.ok != "" for row in rows)
     console.print(f"{met} of {asked} tolerances met; stored in {path} and {len(drawn)} plots", soft_wrap=True)
     return 0

@@ -1,4 +1,4 @@
-"""The constitutive laws and the damage law in NumPy, by principal stretches; in units of E where no E is given."""
+"""The constitutive laws and the damage law in NumPy, by principal stretches; stresses over E, Young's modulus."""
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -12,7 +12,7 @@ def lame(nu: float) -> tuple[float, float]:
 
 
 def nominal(law: str, nu: float, stretches: Array) -> Array:
-    """Principal first Piola-Kirchhoff stresses / E at principal stretches, (..., 3)."""
+    """Principal first Piola-Kirchhoff stresses / E, (..., 3), at principal stretches (..., 3)."""
     mu, lam = lame(nu)
     l = np.asarray(stretches, float)
     J = l.prod(axis=-1, keepdims=True)
@@ -25,27 +25,30 @@ def nominal(law: str, nu: float, stretches: Array) -> Array:
     return np.asarray(tau / l)
 
 
-def thinned(law: str, nu: float, stretch: float) -> float:
+def lateral_stretch(law: str, nu: float, stretch: float) -> float:
     """Lateral stretch of a bar with free sides, the root of P22 = 0."""
     return float(brentq(lambda s: nominal(law, nu, np.array([stretch, s, s]))[1], 0.2, 1.5, xtol=1e-14))
 
 
 def uniaxial(law: str, nu: float, stretch: float) -> tuple[float, float, float]:
-    """Nominal stress / E, Cauchy = von Mises stress / E, and J of a bar with free sides."""
-    s = thinned(law, nu, stretch)
+    """Nominal stress / E, Cauchy stress / E (also the von Mises stress), and J of a bar with free sides."""
+    s = lateral_stretch(law, nu, stretch)
     P = float(nominal(law, nu, np.array([stretch, s, s]))[0])
     return P, P / s**2, stretch * s**2
 
 
 def damage(stretch: float, onset: float, crit: float) -> float:
-    """Eq. 4 of the paper under growing stretch."""
+    """Damage by Eq. 4 of the paper under growing stretch."""
     return min(max((stretch - onset) / (crit - onset), 0.0), 1.0)
 
 
 def softening(law: str, nu: float, onset: float, crit: float) -> tuple[float, float, float]:
-    """A uniform bar fails where (1 - d) P peaks: stretch there, P / E there, and work to failure a volume / E."""
+    """Failure of a uniform bar, at the peak of (1 - d) P: stretch, (1 - d) P / E, and work to complete failure per
+    volume / E.
+    """
 
     def load(stretch: float) -> float:
+        """(1 - d) P / E."""
         return (1 - damage(stretch, onset, crit)) * uniaxial(law, nu, stretch)[0]
 
     best = minimize_scalar(lambda s: -load(s), bounds=(onset, crit), method="bounded", options={"xatol": 1e-10})

@@ -1,4 +1,4 @@
-"""A problem, the setting it runs under, and what it finds."""
+"""Verification problems: their settings, their checks, and how they are run."""
 
 import math
 import time
@@ -16,25 +16,25 @@ FORMULATIONS = ("total", "updated")
 
 @dataclass(frozen=True)
 class Check:
-    """One quantity, what it should be and what it is."""
+    """One quantity, its exact and its measured value."""
 
     quantity: str
     exact: float
-    """Closed form or independent solution; NaN where there is none."""
+    """Closed form or independent solution; NaN if there is none."""
     measured: float
     error: float
-    """Relative, absolute or short of a bound, as the constructor says; NaN without an exact answer."""
+    """As defined by the constructor: relative, absolute, or the amount below a bound. NaN without an exact value."""
     tolerance: float | None = None
-    """Largest error that meets the target; None where the figure is only reported."""
+    """Largest error that meets the target; None for a figure without one."""
     unit: str = "1"
     axis: str = ""
-    """What is refined in a convergence study, `h` or `dt`; else empty."""
+    """The refined quantity of a convergence study, `h` or `dt`; else empty."""
     at: float = math.nan
-    """Its value [m or s]."""
+    """Value of the refined quantity [m or s]."""
     problem: str = ""
     formulation: str = ""
     seconds: float = 0.0
-    """From the row before of the same problem to this one."""
+    """Time since the previous check of the same problem."""
 
     @property
     def ok(self) -> str:
@@ -55,27 +55,27 @@ def absolute(quantity: str, exact: float, measured: float, tolerance: float | No
 
 
 def at_least(quantity: str, bound: float, measured: float, **more: Any) -> Check:
-    """A check that a figure is not below a bound; its error is what it is short of it."""
+    """A check that a figure is not below a bound; the error is the amount below it."""
     short = bound - measured if measured < bound or math.isnan(measured) else 0.0
     return Check(quantity, bound, measured, short, 0.0, **more)
 
 
-def told(quantity: str, measured: float, unit: str = "1", **more: Any) -> Check:
-    """A figure without an exact answer."""
+def reported(quantity: str, measured: float, unit: str = "1", **more: Any) -> Check:
+    """A figure without an exact value."""
     return Check(quantity, math.nan, measured, math.nan, None, unit, **more)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How a problem is to be run: the solver fields of a quality preset, on the problem's own cells."""
+    """The solver of a problem: the fields of a quality preset, a formulation, and the problem's own cells."""
 
     preset: Solver
     formulation: str
     quick: bool = False
-    """Small sizes and few refinements, for a first look."""
+    """Small sizes and few refinements."""
 
     def solver(self, cells: float, particles_per_axis: float = 2.0) -> Solver:
-        """The preset on `cells` along 2 m; a fixed dt is quoted at 2/150 m and keeps its Courant number."""
+        """The preset on `cells` cells along 2 m. A fixed dt is that of 2/150 m, scaled to keep its Courant number."""
         cells, dt = round(cells), self.preset.dt
         if not isinstance(dt, str):
             dt *= (2 / cells) / H0
@@ -88,7 +88,7 @@ class Setting:
         return self.preset.precision == "float32"
 
     def by_precision(self, float32: float, float64: float) -> float:
-        """The tolerance for the precision in use."""
+        """The tolerance of the precision in use."""
         return float32 if self.single else float64
 
 
@@ -98,18 +98,18 @@ def preset(quality: str) -> Solver:
 
 
 def names() -> tuple[str, ...]:
-    """All problems there are."""
+    """The names of all problems."""
     return registry.names(PACKAGE)
 
 
 def suits(name: str, formulation: str) -> bool:
-    """Whether a problem makes sense in a formulation."""
+    """Whether a problem can be run in a formulation."""
     module = registry.load(PACKAGE, name, "--only")
     return formulation in getattr(module, "FORMULATIONS", FORMULATIONS)
 
 
 def run(name: str, setting: Setting) -> Iterator[Check]:
-    """The checks of one problem, with their names and times; a run that fails is a missed check."""
+    """The checks of one problem, with its name and their times. A RuntimeError becomes a missed check."""
     since = time.perf_counter()
     try:
         for check in registry.load(PACKAGE, name, "--only").run(setting):

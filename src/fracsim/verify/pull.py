@@ -1,4 +1,4 @@
-"""Bars between sliding grips that are pulled until they break, by the whole simulator."""
+"""Bars between sliding grips, pulled by the whole simulator until they break."""
 
 from dataclasses import dataclass
 
@@ -12,31 +12,31 @@ from fracsim.solve.simulator import Simulator
 from fracsim.verify.closed_form import uniaxial
 
 HELD = 2
-"""Cells of a grip."""
+"""Thickness of a grip [cells]."""
 PLACES = tuple((k + 0.5) / 8 for k in range(8))
-"""Where between two nodes the faces of grips are tried [cells]."""
+"""Tested places of the grips' faces between two nodes [cells]."""
 
 
 @dataclass(frozen=True)
-class Bar:
+class TensileBar:
     """A bar along x; all lengths in m."""
 
     gauge: float
-    """Between the faces of the grips."""
+    """Length between the faces of the grips."""
     width: float
     height: float
     notch: float = 0.0
     """Depth of the notch in both faces across y."""
     at: float = 0.0
-    """Where it is, from the middle."""
+    """Place of the notch from the middle."""
 
     @property
     def section(self) -> float:
-        """Area away from the notch [m^2]."""
+        """Area of the section without notch [m^2]."""
         return self.width * self.height
 
     def points(self, solver: Solver) -> Array:
-        """Particles at rest, the notch a cell long, (N, 3)."""
+        """Rest positions [m], (N, 3); the notch is one cell long."""
         h = solver.h
         X = lattice((self.gauge + 2 * HELD * h, self.width, self.height), solver.spacing)
         across = np.abs(X[:, 1] - 1) > self.width / 2 - self.notch
@@ -44,9 +44,12 @@ class Bar:
 
 
 def simulator(
-    solver: Solver, bar: Bar, material: Material, fracture: Fracture, speed: float, stretch: float, frames: int
+    solver: Solver, bar: TensileBar, material: Material, fracture: Fracture, speed: float, stretch: float, frames: int
 ) -> Simulator:
-    """The bar pulled at `speed`, a fraction of the wave speed, to a nominal stretch; faces of the grips on nodes."""
+    """The bar, pulled to the nominal stretch `stretch` in `frames` frames, the faces of its grips on nodes.
+
+    `speed` of each grip is a fraction of the wave speed sqrt(E / density).
+    """
     h, v = solver.h, speed * np.sqrt(material.E / material.density)
     duration = (stretch - 1) * bar.gauge / (2 * v)
     loading = Loading(offset=bar.gauge / 2 + h * HELD / 2, thickness=HELD * h, speed=v, grips="sliding")
@@ -56,7 +59,7 @@ def simulator(
 
 
 def until_parted(simulator: Simulator) -> Array | None:
-    """Run until the bar has parted or time is up; rest positions of the particles that failed first, (n, 3) [m]."""
+    """Run until the bar parts or the frames end; rest positions [m], (M, 3), of the particles that failed first."""
     first = None
     for frame in simulator.frames():
         if first is None and frame.failed.any():
@@ -67,22 +70,24 @@ def until_parted(simulator: Simulator) -> Array | None:
 
 
 def at_peak(simulator: Simulator) -> tuple[float, float]:
-    """Nominal stretch and load [N] where the load is largest; the load of a frame is its mean since the one before."""
+    """Nominal stretch and load [N] at the largest load. The load of a frame is its mean since the previous frame."""
     history = simulator.report.history
     k = int(np.argmax(history.load))
     return (history.nominal_stretch[k] + history.nominal_stretch[k - 1]) / 2, history.load[k]
 
 
 def at_break(simulator: Simulator) -> float:
-    """Nominal stretch at which the bar parted by damage, or NaN."""
+    """Nominal stretch at which damage parted the bar, or NaN."""
     frame = simulator.report.break_frame
     return float("nan") if frame is None else simulator.report.history.nominal_stretch[frame]
 
 
-def over_gauge(bar: Simulator, law: str, nu: float, stretch: float, load: float) -> float:
-    """Nominal stretch of a bar at its peak load / section / E, where `stretch` is that of its middle: the ends of it,
-    exempt from damage, are stretched by what the undamaged law says."""
-    s = (bar.particles.X.astype(np.float64) - CENTRE) @ np.asarray(bar.scene.loading.axis)
-    ends = float((~bar.report.free[np.abs(s) < bar.scene.loading.gauge / 2]).mean())
+def over_gauge(simulator: Simulator, law: str, nu: float, stretch: float, load: float) -> float:
+    """Nominal stretch of a bar whose middle has the stretch `stretch`, at the load / section / E `load`.
+
+    Its ends are exempt from damage, so that their stretch is that of the undamaged law at this load.
+    """
+    s = (simulator.particles.X.astype(np.float64) - CENTRE) @ np.asarray(simulator.scene.loading.axis)
+    ends = float((~simulator.report.free[np.abs(s) < simulator.scene.loading.gauge / 2]).mean())
     held = float(brentq(lambda l: uniaxial(law, nu, l)[0] - load, 1, stretch + 1e-9))
     return (1 - ends) * stretch + ends * held

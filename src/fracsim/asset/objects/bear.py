@@ -28,19 +28,19 @@ RED, RUBBER = texture.rgb(0.86, 0.13, 0.15), texture.rgb(0.66, 0.41, 0.20)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.coat(P, texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=101), _paint)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: paint over plain rubber."""
+    body = texture.coat(P, texture.coating(depth), partial(texture.rubber, body=RUBBER, seed=101), _paint)
     return shading.bake(_solid, P, depth, body, gloss=0.40, sharpness=20)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     Q = mirror(P, 0)
     body = union(_head(Q), ellipsoid(Q, (0, -0.17, 0), (0.27, 0.28, 0.21)), 0.04)
     body = union(body, _limbs(Q), 0.025)
@@ -48,26 +48,26 @@ def _solid(P: Array) -> Array:
 
 
 def _head(Q: Array) -> Array:
-    """Head with ears and a muzzle that stands out."""
+    """Distance (N,) of rows (3, N) to the head with ears and muzzle."""
     head = union(ellipsoid(Q, (0, 0.24, 0), (0.28, 0.245, 0.22)), sphere(Q, (0.215, 0.425, 0), 0.105), 0.03)
     return union(head, ellipsoid(Q, (0, 0.165, 0.17), (0.125, 0.095, 0.10)), 0.02)
 
 
 def _limbs(Q: Array) -> Array:
-    """Arms that hang outwards and legs stretched to the viewer."""
+    """Distance (N,) of rows (3, N) to the hanging arms and the legs, stretched to the viewer."""
     arm = capsule(Q, (0.22, -0.02, 0.04), (0.405, -0.13, 0.08), 0.090, 0.092)
     leg = capsule(Q, (0.16, -0.36, 0.02), (0.30, -0.385, 0.12), 0.125, 0.150)
     return np.minimum(arm, leg)
 
 
 def _bow(Q: Array) -> Array:
-    """Bow tie under the chin."""
+    """Distance (N,) of rows (3, N) to the bow tie under the chin."""
     knot = sphere(Q, (0, 0.005, 0.205), 0.045)
     return union(knot, ellipsoid(Q, (0.095, 0.005, 0.195), (0.085, 0.065, 0.045)), 0.015)
 
 
 def _paint(P: Array) -> Array:
-    """Brown coat with darker clouds; cream, pink and black patches; the bow."""
+    """Skin colours (3, N) of rows (3, N): brown coat with darker clouds, cream, pink and black patches, the bow."""
     Q = mirror(P, 0)
     cloud = 0.5 + 0.6 * noise.fractal(P, 8, 102, octaves=4) + 0.5 * smoothstep(-0.1, -0.5, P[1])
     paint = texture.mix(BROWN, DEEP, np.clip(0.55 * cloud, 0, 1))
@@ -79,7 +79,7 @@ def _paint(P: Array) -> Array:
 
 
 def _patches(Q: Array) -> list[tuple[Array, Array]]:
-    """Cream belly, soles and muzzle, pink ears: a colour and a weight each."""
+    """Colours (3, 1) and weights (N,) of belly, soles, ears and muzzle at rows (3, N)."""
     front = smoothstep(0.02, 0.06, Q[2])
     x, y = Q[0], Q[1]
     muzzle = smoothstep(0.018, 0.0, ellipsoid(Q, (0, 0.165, 0.17), (0.125, 0.095, 0.10))) * front
@@ -92,7 +92,7 @@ def _patches(Q: Array) -> list[tuple[Array, Array]]:
 
 
 def _face(Q: Array, paint: Array) -> Array:
-    """Eyes with a glint, blush, nose and mouth."""
+    """`paint` (3, N) at rows (3, N) with eyes, glint, blush, nose and mouth."""
     front = smoothstep(0.05, 0.08, Q[2])
     x, y = Q[0], Q[1]
     mouth = np.abs(hypot(x - 0.038, y - 0.150) - 0.038)
@@ -105,6 +105,6 @@ def _face(Q: Array, paint: Array) -> Array:
 
 
 def _dots(Q: Array) -> Array:
-    """White dots on the bow."""
+    """1 on the bow's white dots, 0 elsewhere, (N,), of rows (3, N)."""
     near, _ = noise.cells(Q, 18, 108)
     return smoothstep(0.30, 0.22, near)

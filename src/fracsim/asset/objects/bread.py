@@ -19,27 +19,27 @@ CRUMB, PORE = texture.rgb(0.98, 0.92, 0.77), texture.rgb(0.86, 0.72, 0.50)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: crust that fades to crumb within 0.03."""
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: crust that fades to crumb within 0.03."""
     crumb = partial(texture.crumb, pale=CRUMB, pore=PORE, seed=41)
-    body = texture.coat(P, texture.skin(depth, 0.010, 0.030), crumb, _crust)
+    body = texture.coat(P, texture.coating(depth, 0.010, 0.030), crumb, _crust)
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.22, sharpness=10)
 
 
 def _round(V: Array) -> Array:
-    """Distance in unsqueezed view coordinates."""
+    """Distance (N,) of rows (3, N) in unsqueezed view coordinates."""
     Q = tilt(V, LEAN, 1.0)
     lump = 0.007 * noise.value(Q, 6, 42) + 0.003 * noise.value(Q, 16, 43)
     return 0.98 * (_loaf(Q) + 0.022 * _slash(Q) + lump)
 
 
 def _loaf(Q: Array) -> Array:
-    """Tapered tin part and the crown that rose over its rim, in upright coordinates."""
+    """Distance (N,) of upright rows (3, N) to the tapered tin part and the crown above it."""
     R = Q.copy()
     R[0] = Q[0] / (1 + 0.10 * Q[1])
     tin = box(R, (0, -0.13, 0), (0.455, 0.295, 0.18), 0.05)
@@ -50,7 +50,7 @@ def _loaf(Q: Array) -> Array:
 
 
 def _slash(Q: Array) -> Array:
-    """1 within the cuts across the crown, 0 outside, [N]."""
+    """1 within the cuts across the crown, 0 outside, (N,), of upright rows (3, N)."""
     down = np.arctan2(Q[2], Q[1] - 0.14)
     x = Q[0] - 0.16 * (down - 0.5)
     index = np.clip(np.round(x / PITCH + 0.5) - 0.5, 0.5 - SLASHES / 2, SLASHES / 2 - 0.5)
@@ -61,7 +61,9 @@ def _slash(Q: Array) -> Array:
 
 
 def _crust(P: Array) -> Array:
-    """Dark crown, golden sides paler to the rim and foot, torn pale crumb in the cuts, a dust of flour."""
+    """Crust colours (3, N) of rows (3, N): dark crown, golden sides, paler at rim and foot, torn crumb in the cuts,
+    flour.
+    """
     Q = tilt(P, LEAN, SQUEEZE)
     height, cut = Q[1], _slash(Q)
     blotch = noise.fractal(Q, 7, 44, octaves=4)

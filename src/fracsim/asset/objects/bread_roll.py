@@ -19,20 +19,20 @@ FLOUR = texture.rgb(0.99, 0.96, 0.90)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: thin crust over a fine white crumb."""
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: thin crust over a fine white crumb."""
     crumb = partial(texture.crumb, pale=CRUMB, pore=PORE, seed=51, size=0.8)
-    body = texture.coat(P, texture.skin(depth, 0.010, 0.030), crumb, _crust)
+    body = texture.coat(P, texture.coating(depth, 0.010, 0.030), crumb, _crust)
     return shading.bake(_round, unsqueeze(P, SQUEEZE), depth, body, gloss=0.30, sharpness=12)
 
 
 def _round(V: Array) -> Array:
-    """Distance in unsqueezed view coordinates."""
+    """Distance (N,) of rows (3, N) in unsqueezed view coordinates."""
     Q = tilt(V, LEAN, 1.0)
     dome = ellipsoid(Q, (0, -0.02, 0), (0.5, 0.32, 0.5))
     foot = ellipsoid(Q, (0, -0.12, 0), (0.48, 0.17, 0.48))
@@ -41,7 +41,7 @@ def _round(V: Array) -> Array:
 
 
 def _cross(Q: Array) -> Array:
-    """Depth of the two cuts, 1 along their middle at the top, 0 outside, [N]."""
+    """Depth (N,) of the two cuts at upright rows (3, N): 1 along their middle at the top, 0 outside."""
     a, b = (Q[0] + Q[2]) * np.sqrt(0.5), (Q[0] - Q[2]) * np.sqrt(0.5)
     groove = np.zeros_like(Q[0])
     for along, across in ((a, b), (b, a)):
@@ -52,7 +52,7 @@ def _cross(Q: Array) -> Array:
 
 
 def _crust(P: Array) -> Array:
-    """Golden flanks, browner shoulders, pale torn cuts, flour caught on the top."""
+    """Crust colours (3, N) of rows (3, N): golden flanks, browner shoulders, pale torn cuts, flour on the top."""
     Q = tilt(P, LEAN, SQUEEZE)
     cut, radius = _cross(Q), hypot(Q[0], Q[2])
     blotch = noise.fractal(Q, 7, 54, octaves=4)

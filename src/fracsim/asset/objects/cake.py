@@ -31,15 +31,15 @@ SPRINKLES = np.array([[0.30, 0.99, 0.45, 0.62], [0.62, 0.85, 0.76, 0.38], [0.86,
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return SQUEEZE * _round(unsqueeze(P, SQUEEZE))
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: icing and cream over sponge, cream and jam."""
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: icing and cream over sponge, cream and jam."""
     Q = tilt(P, LEAN, SQUEEZE)
-    body = texture.coat(Q, texture.skin(depth, 0.014, 0.024), _layers, _outside)
+    body = texture.coat(Q, texture.coating(depth, 0.014, 0.024), _layers, _outside)
     fruit, cream = _cherries(Q), np.minimum(_shells(Q), _swirls(Q))
     topping = texture.mix(CREAM, CHERRY, smoothstep(0.010, 0.0, fruit)) * texture.mottle(Q, 0.04, 81)
     body = texture.mix(body, topping, smoothstep(0.010, 0.0, np.minimum(fruit, cream)))
@@ -47,7 +47,7 @@ def colour(P: Array, depth: Array) -> Array:
 
 
 def _round(V: Array) -> Array:
-    """Distance in unsqueezed view coordinates."""
+    """Distance (N,) of rows (3, N) in unsqueezed view coordinates."""
     Q = tilt(V, LEAN, 1.0)
     body = cylinder(Q, (0, (TOP + BOTTOM) / 2, 0), RADIUS - 0.014, (TOP - BOTTOM) / 2, 0.05)
     body = body - 0.016 * _iced(Q) - 0.005 * np.cos((Q[1] - TOP) * 2 * np.pi / 0.16)
@@ -56,14 +56,14 @@ def _round(V: Array) -> Array:
 
 
 def _places(Q: Array) -> Array:
-    """Points about the axis of the nearest rosette, of the ring's or of the one in the middle."""
+    """Rows (3, N) relative to the axis of the nearest rosette: one of the ring, or the central one."""
     R = fold_angle(Q, SWIRLS)
     R[2] -= 0.34 * (R[2] > 0.17)
     return R
 
 
 def _swirls(Q: Array) -> Array:
-    """Piped rosettes: two fluted tiers."""
+    """Distance (N,) of rows (3, N) to the piped rosettes of two fluted tiers."""
     R = _places(Q)
     flute = 0.004 * np.cos(8 * np.arctan2(R[0], R[2]))
     foot = ellipsoid(R, (0, TOP + 0.018, 0), (0.105, 0.045, 0.105))
@@ -72,18 +72,18 @@ def _swirls(Q: Array) -> Array:
 
 
 def _cherries(Q: Array) -> Array:
-    """A cherry on each rosette."""
+    """Distance (N,) of rows (3, N) to the cherries, one on each rosette."""
     return sphere(_places(Q), (0, TOP + 0.105, 0), 0.068)
 
 
 def _shells(Q: Array) -> Array:
-    """Piped shells round the foot."""
+    """Distance (N,) of rows (3, N) to the piped shells round the foot."""
     R = fold_angle(Q, SHELLS)
     return ellipsoid(R, (0, BOTTOM + 0.045, RADIUS - 0.02), (0.075, 0.06, 0.06))
 
 
 def _drip(Q: Array) -> Array:
-    """Height above the lower edge of the icing: drips of uneven length round the side, [N]."""
+    """Height (N,) of rows (3, N) above the lower edge of the icing, in drips of uneven length round the side."""
     angle = np.arctan2(Q[0], Q[2])
     wave = 0.055 * np.cos(13 * angle + 1.1 * np.sin(3 * angle)) * (0.75 + 0.35 * np.cos(5 * angle + 1))
     length = 0.075 + wave * smoothstep(0.2, 0.4, hypot(Q[0], Q[2]))
@@ -92,12 +92,12 @@ def _drip(Q: Array) -> Array:
 
 
 def _iced(Q: Array) -> Array:
-    """1 under icing, 0 on the bare side, [N]."""
+    """1 under icing, 0 on the bare side, (N,), of rows (3, N)."""
     return smoothstep(-0.012, 0.016, _drip(Q))
 
 
 def _outside(Q: Array) -> Array:
-    """Bare sponge side, baked a shade darker, under pink icing with sprinkles on the top."""
+    """Surface colours (3, N) of rows (3, N): darker sponge on the bare side, pink icing, sprinkles on the top."""
     near, own = noise.cells(Q, 13, 82)
     top = smoothstep(TOP - 0.03, TOP, Q[1])
     sprinkle = smoothstep(0.34, 0.24, near) * top
@@ -107,7 +107,7 @@ def _outside(Q: Array) -> Array:
 
 
 def _layers(Q: Array) -> Array:
-    """Three sponges, between them cream with a line of jam."""
+    """Inner colours (3, N) of rows (3, N): three sponges, between them cream with a line of jam."""
     height = Q[1] + 0.006 * noise.value(Q, 9, 84)
     off = np.abs((TOP - height) / 0.16 - np.round(np.clip((TOP - height) / 0.16, 1, 2))) * 0.16
     sponge = texture.crumb(Q, SPONGE, PORE, 85, size=0.75)

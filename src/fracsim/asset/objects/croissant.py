@@ -8,10 +8,10 @@ from fracsim.asset.procedural.shapes import Array, hypot, in_blocks, smoothstep
 BOUNDS = ((-0.52, -0.41, -0.24), (0.52, 0.50, 0.24))
 CLASS = "low_stretch"
 
-CENTRE_Y, RADIUS = -0.09, 0.355  # of the circle the roll is bent to
-SPAN = np.deg2rad(132)  # from the crown to either tip
+CENTRE_Y, RADIUS = -0.09, 0.355  # centre and radius of the roll's circular axis
+SPAN = np.deg2rad(132)  # angle from the crown to either tip
 THICK, THIN = 0.185, 0.060  # radii of the roll in the middle and at a tip
-SEGMENTS = 3.42  # a side, the half of the middle one included
+SEGMENTS = 3.42  # number on each side, half of the middle one included
 PALE, GOLD = texture.rgb(0.97, 0.80, 0.46), texture.rgb(0.90, 0.60, 0.24)
 BROWN, DARK = texture.rgb(0.69, 0.37, 0.11), texture.rgb(0.47, 0.22, 0.07)
 CRUMB, PORE = texture.rgb(0.98, 0.90, 0.68), texture.rgb(0.83, 0.64, 0.36)
@@ -19,29 +19,31 @@ CRUMB, PORE = texture.rgb(0.98, 0.90, 0.68), texture.rgb(0.83, 0.64, 0.36)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: baked leaves over a honeycomb crumb."""
-    body = texture.coat(P, texture.skin(depth, 0.010, 0.035), _inside, _crust)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: baked leaves over a honeycomb crumb."""
+    body = texture.coat(P, texture.coating(depth, 0.010, 0.035), _inside, _crust)
     return shading.bake(_solid, P, depth, body, gloss=0.38, sharpness=16)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     off, along, reach = _roll(P)
     ridge = _ridge(_phase(P, along, reach) % 1.0) * (1 - smoothstep(0.85, 0.97, along))
     radius = THICK - (THICK - THIN) * along**1.5
-    # Near the circle's centre the angle turns too fast for a distance: there the roll is taken as thick and even.
+    # Near the circle's centre the angle varies too fast for a distance: there the roll has constant radius, no ridges.
     taper, swell = smoothstep(0.04, 0.18, reach), smoothstep(0.10, 0.26, reach)
     return 0.83 * (off - THICK - taper * (radius - THICK) - swell * ridge)
 
 
 def _roll(P: Array) -> tuple[Array, Array, Array]:
-    """Distance to the centre line, the place along it (0 crown, 1 tip), and the distance from the circle's centre."""
+    """Of rows (3, N): distance (N,) to the centre line, place along it (N,) (0 at the crown, 1 at a tip), and distance
+    (N,) from the circle's centre.
+    """
     x, y = np.abs(P[0]), P[1] - CENTRE_Y
     angle = np.minimum(np.arctan2(x, y), SPAN)
     u, v = x - RADIUS * np.sin(angle), y - RADIUS * np.cos(angle)
@@ -49,19 +51,22 @@ def _roll(P: Array) -> tuple[Array, Array, Array]:
 
 
 def _phase(P: Array, along: Array, reach: Array) -> Array:
-    """Segments counted from the crown; the seams lean outwards and waver."""
+    """Segments (N,) counted from the crown at rows (3, N), with `along` and `reach` (N,) of `_roll`.
+
+    The seams lean outwards and waver.
+    """
     slant = np.clip((reach - RADIUS) / THICK, -1, 1)
     out: Array = 0.5 + SEGMENTS * along + 0.10 * slant * slant + 0.05 * noise.value(P, 7, 11)
     return out
 
 
 def _ridge(f: Array) -> Array:
-    """Height of the roll's surface over a segment's course `f`: it swells, then drops at the lip."""
+    """Height (N,) of the roll's surface at the fraction f (N,) of a segment: it swells, then drops at the lip."""
     return 0.028 * smoothstep(-0.02, 0.6, f) * (1 - smoothstep(0.72, 1.0, f)) - 0.008
 
 
 def _crust(P: Array) -> Array:
-    """Browned crest, pale leaves that show below each lip, fine lines along the seams."""
+    """Crust colours (3, N) of rows (3, N): browned crests, pale leaves below each lip, fine lines along the seams."""
     _, along, reach = _roll(P)
     phase = _phase(P, along, reach)
     f = phase % 1.0
@@ -74,7 +79,7 @@ def _crust(P: Array) -> Array:
 
 
 def _inside(P: Array) -> Array:
-    """Crumb with leaves wound about the roll's centre line."""
+    """Inner colours (3, N) of rows (3, N): crumb with leaves wound about the roll's centre line."""
     off, along, _ = _roll(P)
     rings = np.sin(2 * np.pi * (off / 0.034 + 0.6 * along + 0.7 * noise.value(P, 10, 31)))
     crumb = texture.crumb(P, CRUMB, PORE, 32, size=1.2)

@@ -29,19 +29,19 @@ EYE = (-0.245, 0.285)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.coat(mirror(P, 2), texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=91), _paint)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: paint over plain rubber."""
+    body = texture.coat(mirror(P, 2), texture.coating(depth), partial(texture.rubber, body=RUBBER, seed=91), _paint)
     return shading.bake(_solid, P, depth, body, gloss=0.60, sharpness=30)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     Q = mirror(P, 2)
     body = union(_trunk(Q), _head(Q), 0.08)
     body = union(body, _wing(Q), 0.02)
@@ -49,30 +49,30 @@ def _solid(P: Array) -> Array:
 
 
 def _trunk(Q: Array) -> Array:
-    """Body with breast and a raised tail."""
+    """Distance (N,) of rows (3, N) to the body with breast and raised tail."""
     body = union(ellipsoid(Q, (0.04, -0.16, 0), (0.42, 0.27, 0.27)), sphere(Q, (-0.16, -0.14, 0), 0.25), 0.10)
     return union(body, capsule(Q, (0.30, -0.10, 0), (0.44, 0.25, 0), 0.15, 0.055), 0.12)
 
 
 def _head(Q: Array) -> Array:
-    """Head, with a tuft at the back."""
+    """Distance (N,) of rows (3, N) to the head."""
     return sphere(Q, (-0.16, 0.235, 0), 0.24)
 
 
 def _wing(Q: Array) -> Array:
-    """Wing that lies on the flank, its tip raised to the tail."""
+    """Distance (N,) of rows (3, N) to the wing on the flank, its tip raised to the tail."""
     flat = Q * vector((1, 1, 2.2), Q)
     return 0.62 * capsule(flat, (0.03, -0.12, 0.50), (0.29, -0.01, 0.45), 0.145, 0.070)
 
 
 def _beak(Q: Array) -> Array:
-    """Upper and lower half of the beak."""
+    """Distance (N,) of rows (3, N) to the two halves of the beak."""
     upper = ellipsoid(Q, (-0.41, 0.205, 0), (0.12, 0.055, 0.115))
     return np.minimum(upper, ellipsoid(Q, (-0.39, 0.140, 0), (0.09, 0.045, 0.090)))
 
 
 def _paint(Q: Array) -> Array:
-    """Yellow that deepens downwards, feather lines on the wing, cheek, eye and beak."""
+    """Skin colours (3, N) of rows (3, N): yellow, deeper below, with feathers on the wing, cheek, eye and beak."""
     deep = smoothstep(0.15, -0.40, Q[1]) + 0.9 * noise.fractal(Q, 12, 92, octaves=4)
     paint = texture.mix(YELLOW, AMBER, np.clip(0.45 * deep, 0, 1))
     feather = np.abs(np.sin(np.pi * (Q[1] + 0.08 - 0.9 * np.square(Q[0] - 0.06)) / 0.062))
@@ -85,7 +85,7 @@ def _paint(Q: Array) -> Array:
 
 
 def _eye(Q: Array, paint: Array) -> Array:
-    """A black eye with a white rim and glint."""
+    """`paint` (3, N) at rows (3, N) with a black eye, its white rim and glint."""
     u, v = Q[0] - EYE[0], Q[1] - EYE[1]
     on = smoothstep(0.05, 0.08, Q[2])
     paint = texture.mix(paint, WHITE, on * texture.disc(u, v, (0.070, 0.088)))

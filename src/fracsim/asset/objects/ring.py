@@ -18,31 +18,31 @@ RUBBER = texture.rgb(0.80, 0.30, 0.24)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.coat(P, texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=1), _paint)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: paint over plain rubber."""
+    body = texture.coat(P, texture.coating(depth), partial(texture.rubber, body=RUBBER, seed=1), _paint)
     return shading.bake(_solid, P, depth, body, gloss=0.55)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     return torus(P, (0, 0, 0), 2, MAJOR, MINOR) + _seam(P)
 
 
 def _seam(P: Array) -> Array:
-    """Raised moulding lines along the ring, a small displacement [N]."""
+    """Displacement (N,) of the surface at rows (3, N) by the raised moulding lines along the ring."""
     around = np.arctan2(P[2], hypot(P[0], P[1]) - MAJOR)
     out: Array = -0.004 * np.exp(-np.square((np.abs(around) - np.pi / 2) / 0.09))
     return out
 
 
 def _paint(P: Array) -> Array:
-    """Bands across the ring with navy edges, dots in the other colours, all slightly worn."""
+    """Skin colours (3, N) of rows (3, N): bands with navy edges, dots in the other colour, slightly worn."""
     angle = np.arctan2(P[1], P[0]) + 0.03 * noise.value(P, 12, 2)
     wave = np.cos(BANDS * (angle - np.pi / 8))
     paint = texture.mix(RED, CREAM, smoothstep(-0.03, 0.03, wave))

@@ -10,7 +10,7 @@ from fracsim.asset.procedural.shapes import Array, ellipsoid, extrude, hypot, in
 BOUNDS = ((-0.54, -0.47, -0.17), (0.54, 0.57, 0.17))
 CLASS = "high_stretch"
 
-POINT, NOTCH, ROUNDING = 0.46, 0.215, 0.07  # radii of the sharp star, and what is rolled round it
+POINT, NOTCH, ROUNDING = 0.46, 0.215, 0.07  # radii of the sharp star's points and notches, and of its rounding
 GOLD, ORANGE, RED = texture.rgb(1.0, 0.80, 0.18), texture.rgb(0.98, 0.55, 0.12), texture.rgb(0.92, 0.33, 0.14)
 BLACK, WHITE = texture.rgb(0.12, 0.07, 0.06), texture.rgb(1.0, 1.0, 0.97)
 ROSE, RUBBER = texture.rgb(0.96, 0.42, 0.36), texture.rgb(0.93, 0.56, 0.16)
@@ -18,25 +18,25 @@ ROSE, RUBBER = texture.rgb(0.96, 0.42, 0.36), texture.rgb(0.93, 0.56, 0.16)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.coat(P, texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=111), _paint)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: paint over plain rubber."""
+    body = texture.coat(P, texture.coating(depth), partial(texture.rubber, body=RUBBER, seed=111), _paint)
     return shading.bake(_solid, P, depth, body, gloss=0.50, sharpness=26)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     plate = extrude(_star(P), P[2], 0.095, 0.09)
     return union(plate, ellipsoid(P, (0, 0, 0), (0.30, 0.30, 0.145)), 0.05)
 
 
 def _star(P: Array) -> Array:
-    """Plane distance to a star with rounded points, one up."""
+    """Distance (N,) of rows (3, N), in the plane, to a star with rounded points, one of them up."""
     sector = 2 * np.pi / 5
     angle = np.arctan2(P[0], P[1])
     angle, radius = np.abs(angle - sector * np.round(angle / sector)), hypot(P[0], P[1])
@@ -49,7 +49,7 @@ def _star(P: Array) -> Array:
 
 
 def _paint(P: Array) -> Array:
-    """Gold in the middle, red to the rim, speckled like a starfish, with a face."""
+    """Skin colours (3, N) of rows (3, N): gold in the middle, red at the rim, speckled like a starfish, with a face."""
     edge = -_star(P) / 0.24 + 0.24 * noise.fractal(P, 11, 112, octaves=4)
     paint = texture.ramp(edge, (0.05, 0.30, 0.75), (RED, ORANGE, GOLD))
     near, own = noise.cells(P, 13, 113)
@@ -58,7 +58,7 @@ def _paint(P: Array) -> Array:
 
 
 def _face(Q: Array, paint: Array) -> Array:
-    """Eyes with a glint, rosy cheeks and a smile."""
+    """`paint` (3, N) at rows (3, N) with eyes, glint, rosy cheeks and a smile."""
     front = smoothstep(0.02, 0.05, Q[2])
     x, y = Q[0], Q[1]
     smile = smoothstep(0.017, 0.008, np.abs(hypot(x, y - 0.02) - 0.085)) * smoothstep(-0.02, -0.035, y)

@@ -20,19 +20,19 @@ EYE = (-0.265, -0.055)
 
 @in_blocks()
 def distance(P: Array) -> Array:
-    """Signed distance [N] of points [N, 3], negative inside."""
+    """Signed distance (N,) of points (N, 3), negative inside."""
     return _solid(P)
 
 
 @in_blocks(np.float32)
 def colour(P: Array, depth: Array) -> Array:
-    """sRGB [N, 3] of points [N, 3] at `depth` [N] below the surface: paint over plain rubber."""
-    body = texture.coat(mirror(P, 2), texture.skin(depth), partial(texture.rubber, body=RUBBER, seed=121), _paint)
+    """sRGB (N, 3) of points (N, 3) at `depth` (N,) below the surface: paint over plain rubber."""
+    body = texture.coat(mirror(P, 2), texture.coating(depth), partial(texture.rubber, body=RUBBER, seed=121), _paint)
     return shading.bake(_solid, P, depth, body, gloss=0.55, sharpness=28)
 
 
 def _solid(P: Array) -> Array:
-    """Distance [N] of rows [3, N]."""
+    """Distance (N,) of rows (3, N)."""
     Q = mirror(P, 2)
     body = union(ellipsoid(Q, (-0.06, -0.12, 0), (0.43, 0.335, 0.27)), _tail(Q), 0.10)
     body = union(body, _flipper(Q), 0.02)
@@ -40,7 +40,7 @@ def _solid(P: Array) -> Array:
 
 
 def _tail(Q: Array) -> Array:
-    """Tail that sweeps up to two flukes in the picture plane."""
+    """Distance (N,) of rows (3, N) to the tail with two flukes in the picture plane."""
     root = capsule(Q, (0.22, -0.17, 0), (0.41, 0.03, 0), 0.20, 0.11)
     tail = union(root, capsule(Q, (0.41, 0.03, 0), (0.425, 0.24, 0), 0.11, 0.07), 0.08)
     left = capsule(Q, (0.42, 0.24, 0), (0.30, 0.39, 0), 0.08, 0.048)
@@ -49,12 +49,12 @@ def _tail(Q: Array) -> Array:
 
 
 def _flipper(Q: Array) -> Array:
-    """Flipper on the flank, pointing back and down."""
+    """Distance (N,) of rows (3, N) to the flipper on the flank, pointing back and down."""
     return capsule(Q, (-0.06, -0.20, 0.25), (0.09, -0.30, 0.26), 0.065, 0.04)
 
 
 def _spout(Q: Array) -> Array:
-    """Jet of water that parts in two."""
+    """Distance (N,) of rows (3, N) to the jet of water that parts in two."""
     jet = capsule(Q, (-0.17, 0.12, 0), (-0.17, 0.34, 0), 0.055, 0.045)
     left = capsule(Q, (-0.17, 0.35, 0), (-0.285, 0.40, 0), 0.05, 0.07)
     right = capsule(Q, (-0.17, 0.35, 0), (-0.055, 0.40, 0), 0.05, 0.07)
@@ -62,7 +62,7 @@ def _spout(Q: Array) -> Array:
 
 
 def _paint(Q: Array) -> Array:
-    """Blue back with light spots, grooved belly, mouth, cheek, eye and water."""
+    """Skin colours (3, N) of rows (3, N): blue back with light spots, grooved belly, face and water."""
     x, y = Q[0], Q[1]
     cloud = noise.fractal(Q, 8, 122, octaves=4)
     paint = texture.mix(BLUE, DEEP, np.clip(0.35 + 0.5 * cloud + 0.8 * smoothstep(0.0, 0.25, y), 0, 1))
@@ -77,7 +77,7 @@ def _paint(Q: Array) -> Array:
 
 
 def _face(Q: Array, paint: Array) -> Array:
-    """Smile, cheek, and an eye with a glint."""
+    """`paint` (3, N) at rows (3, N) with a smile, a cheek, an eye and its glint."""
     side = smoothstep(0.03, 0.06, Q[2])
     x, y = Q[0], Q[1]
     smile = smoothstep(0.015, 0.007, np.abs(hypot(x + 0.36, y + 0.02) - 0.15)) * (y < -0.10) * (x < -0.24)

@@ -1,1 +1,1 @@
-"""What built-in objects are drawn with: distances of solids, noise, textures and baked light, in pure NumPy."""
+"""Tools for the built-in objects, in pure NumPy: distances of solids, noise, textures and baked light."""

@@ -1,4 +1,4 @@
-"""Soft light baked into the colour of a surface, because the splats downstream are drawn unlit."""
+"""Soft light baked into the colour of a surface, because splats are rendered unlit."""
 
 from collections.abc import Callable
 
@@ -9,23 +9,23 @@ from fracsim.asset.procedural.texture import mix
 
 Distance = Callable[[Array], Array]
 
-LIGHT = np.array([-0.4511, 0.7018, 0.5514], np.float32)  # the key light: above, left, in front
+LIGHT = np.array([-0.4511, 0.7018, 0.5514], np.float32)  # direction to the key light: above, left, in front
 HALF = np.array([-0.2555, 0.3975, 0.8813], np.float32)  # half way between the key light and the eye on +z
 STEP = 0.006  # of the difference quotient: half a particle spacing, so that bumps finer than a splat do not alias
-REACH = 0.05  # along the normal, within which a surface is taken to be shaded by its neighbourhood
-FULL, GONE = 0.014, 0.040  # depths to which the light is full, and from which there is none
-WARMTH = np.array([[0.85], [1.0], [1.15]], np.float32)  # powers of the light: shade is warm, light is cool
-CREASE = np.array([[0.62], [0.72], [0.78]], np.float32)  # what a closed crease loses of each channel
+REACH = 0.05  # distance along the normal over which the neighbourhood shades a surface
+FULL, GONE = 0.014, 0.040  # depths down to which the light is full, and from which there is none
+WARMTH = np.array([[0.85], [1.0], [1.15]], np.float32)  # powers of the light in each channel: shade is warm
+CREASE = np.array([[0.62], [0.72], [0.78]], np.float32)  # part of each channel that a closed crease loses
 
 
 def dot(direction: Array, n: Array) -> Array:
-    """Cosine [N] between a direction [3] and normals [3, N]; too few rows for a matrix product to pay."""
+    """Cosine (N,) between a direction (3,) and normals n (3, N); with so few rows faster than a matrix product."""
     out: Array = direction[0] * n[0] + direction[1] * n[1] + direction[2] * n[2]
     return out
 
 
 def normal(distance: Distance, P: Array, here: Array) -> Array:
-    """Unit outward normals [3, N] by forward differences from the distances `here` [N]."""
+    """Unit outward normals (3, N) at rows (3, N), by forward differences from the distances `here` (N,)."""
     steps = STEP * np.eye(3, dtype=P.dtype)
     g = np.stack([distance(P + step[:, None]) - here for step in steps])
     out: Array = g / np.maximum(norm(g), 1e-9)
@@ -33,16 +33,20 @@ def normal(distance: Distance, P: Array, here: Array) -> Array:
 
 
 def openness(distance: Distance, P: Array, here: Array, n: Array) -> Array:
-    """How much of the surroundings a surface point sees, [N] in [0, 1], from the distance a step along its normal."""
+    """Part of its surroundings, (N,) in [0, 1], that a surface point at a row (3, N) sees.
+
+    From the distances `here` (N,) and those at REACH along the normals n (3, N).
+    """
     lack = 1 - (distance(P + REACH * n) - here) / REACH
     seen: Array = 1 - np.clip(lack, 0.0, 1.0)
     return seen
 
 
 def bake(distance: Distance, P: Array, depth: Array, colour: Array, gloss: float, sharpness: float = 24.0) -> Array:
-    """Colour [3, N] in [0, 1] with light, shade in creases and a highlight of strength `gloss` near the surface.
+    """Colour (3, N) in [0, 1] with light, shade in creases and a highlight of strength `gloss` near the surface.
 
-    `distance` and `P` are in view coordinates (eye on +z) of the object before it is squeezed along the line of sight.
+    `colour` (3, N) is the unlit colour, `depth` (N,) the distance below the surface. `distance` and the rows P (3, N)
+    are in view coordinates (eye on +z) of the object before it is squeezed along the line of sight.
     """
     out = np.clip(colour, 0.0, 1.0).astype(np.float32)
     lit = np.flatnonzero(depth < GONE)

@@ -1,7 +1,7 @@
 """A manufactured standing wave along all three axes at once (Wallstedt and Guilkey 2008; Sadeghirad et al. 2011).
 
-u_i = A sin(2 pi X_i) sin(c pi t + phi_i) in a neo-Hookean cube of 1 m, driven by a body force. Its mirror planes leave
-one octant, with three cells of mirrored ghosts around it.
+u_i = A sin(2 pi X_i) sin(c pi t + phi_i) in a neo-Hookean cube of 1 m, driven by a body force. By symmetry one octant
+suffices, surrounded by three cells of mirrored ghosts. Functions of X take positions [m], (N, 3), and t [s].
 """
 
 import time
@@ -15,37 +15,37 @@ from fracsim.mpm.layout import order
 from fracsim.mpm.state import State
 from fracsim.records import Array
 from fracsim.scene.vocab import CENTRE, Material
-from fracsim.verify.problem import Check, Setting, at_least, told
+from fracsim.verify.problem import Check, Setting, at_least, reported
 
 E, NU, DENSITY, AMPLITUDE, SIZE, DURATION = 2e3, 0.3, 200.0, 0.05, 0.5, 0.25
-"""Modulus [Pa], Poisson's ratio, density [kg/m^3], amplitude [m], edge of the octant [m], periods watched."""
+"""Modulus [Pa], Poisson's ratio, density [kg/m^3], amplitude [m], edge of the octant [m], duration [periods]."""
 WAVE = np.sqrt(E / DENSITY)
 PHASE = np.array([0.0, np.pi, 0.0])
 MATERIAL = Material(law="neo_hookean", E=E, nu=NU, density=DENSITY)
 COURANTS = (0.25, 0.125)
-"""c dt / h, stable at all stretches met. A constant dt, for where it changes, velocities no longer lie midway between
-displacements; two, because the losses of the transfers grow as 1 / dt."""
+"""Values of c dt / h, stable at all stretches of the wave. dt is constant: after a change velocities would no longer be
+midway between displacements. There are two values, since the losses of the transfers grow as 1 / dt."""
 GHOSTS = 3
-"""Cells of them on each side: particles inside use nodes up to 1 cell outside, these particles up to 2.5."""
+"""Cells of ghosts on each side. Particles inside use nodes up to 1 cell outside, these particles up to 2.5 cells."""
 
 
 def displacement(X: Array, t: float) -> Array:
-    """u [m] at X [m], (N, 3)."""
+    """u [m], (N, 3), at X (N, 3)."""
     return np.asarray(AMPLITUDE * np.sin(2 * np.pi * X) * np.sin(WAVE * np.pi * t + PHASE))
 
 
 def velocity(X: Array, t: float) -> Array:
-    """du/dt [m/s], (N, 3)."""
+    """du/dt [m/s], (N, 3), at X (N, 3)."""
     return np.asarray(AMPLITUDE * WAVE * np.pi * np.sin(2 * np.pi * X) * np.cos(WAVE * np.pi * t + PHASE))
 
 
 def stretches(X: Array, t: float) -> Array:
-    """The diagonal of F, (N, 3)."""
+    """The diagonal of F, (N, 3), at X (N, 3)."""
     return np.asarray(1 + 2 * np.pi * AMPLITUDE * np.cos(2 * np.pi * X) * np.sin(WAVE * np.pi * t + PHASE))
 
 
 def body_force(X: Array, t: float) -> Array:
-    """b = d2u/dt2 - Div P / rho [m/s^2], (N, 3), for P_ii = mu F_ii + (lam ln J - mu) / F_ii."""
+    """b = d2u/dt2 - Div P / rho [m/s^2], (N, 3), at X (N, 3); P_ii = mu F_ii + (lam ln J - mu) / F_ii."""
     F = stretches(X, t)
     log_J = np.log(F).sum(axis=1, keepdims=True)
     stiff = MATERIAL.mu - (MATERIAL.lam * (log_J - 1) - MATERIAL.mu) / F**2
@@ -55,7 +55,10 @@ def body_force(X: Array, t: float) -> Array:
 def octant(
     setting: Setting, cells: int, courant: float | None = None, per_axis: float = 2
 ) -> tuple[State, Array, Ghosts, Array]:
-    """State with `cells` along 1 m, at t = 0; X in the octant's own axes, its ghosts, and who is none."""
+    """The octant at t = 0, with `cells` cells and `per_axis` particles a cell and axis along 1 m.
+
+    Returns its state, positions X (N, 3) [m] from its corner, its ghosts, and whether a particle is not a ghost, (N,).
+    """
     solver = setting.solver(2 * cells, per_axis)
     if courant:
         solver.dt = courant * solver.h / float(WAVE)
@@ -78,7 +81,7 @@ def octant(
 
 
 def clock(state: State, spent: list[float]) -> None:
-    """From now on append the processor time of each call of `state.run` to `spent`."""
+    """Let each later call of `state.run` append its processor time [s] to `spent`."""
     run = state.run
 
     def timed(*arguments: Any) -> int:
@@ -93,8 +96,10 @@ def clock(state: State, spent: list[float]) -> None:
 def error(
     setting: Setting, cells: int, courant: float | None = None, per_axis: float = 2, spent: list[float] | None = None
 ) -> float:
-    """Largest error of the displacement after DURATION of a period, relative to AMPLITUDE; the processor time of each
-    substep goes to `spent`."""
+    """Largest error of the displacement after DURATION, relative to AMPLITUDE.
+
+    The processor time [s] of each substep is appended to `spent`.
+    """
     state, X, ghosts, own = octant(setting, cells, courant, per_axis)
 
     def before(t: float, dt: float) -> None:
@@ -110,7 +115,7 @@ def error(
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """Cells 8, 16, 32 a wavelength at two Courant numbers, and once with the preset's dt."""
+    """8, 16 and 32 cells a wavelength at two Courant numbers; the finest also with the preset's dt."""
     sizes = (8, 16) if setting.quick else (8, 16, 32)
     for courant in COURANTS:
         errors = []
@@ -120,6 +125,6 @@ def run(setting: Setting) -> Iterator[Check]:
                         axis="h", at=1 / cells)  # fmt: skip
         found = float(np.log2(errors[-2] / errors[-1]))
         name = f"order at c dt / h = {courant}, {sizes[-2]} to {sizes[-1]} cells"
-        yield told(name, found) if setting.quick else at_least(name, 1.8, found)
+        yield reported(name, found) if setting.quick else at_least(name, 1.8, found)
     wrong = error(setting, sizes[-1])
     yield Check(f"largest error of u / A with the preset's dt: {sizes[-1]} cells", 0, wrong, wrong)

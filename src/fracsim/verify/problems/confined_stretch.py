@@ -1,4 +1,4 @@
-"""A bar stretched while its sides are held: F = diag(lambda, 1, 1)."""
+"""A bar stretched with held sides: F = diag(lambda, 1, 1)."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ def kirchhoff(law: str, mu: float, lam: float, l: float) -> tuple[float, float]:
 
 
 def prescribed(setting: Setting, material: Material) -> tuple[float, float]:
-    """tau11 and tau22 of the law at F = diag(l, 1, 1) [Pa]."""
+    """tau11 and tau22 [Pa] computed by the solver at F = diag(STRETCH, 1, 1)."""
     solver = setting.solver(20)
     body = bar(solver)
     state = free(medium(solver, material), body)
@@ -35,8 +35,10 @@ def prescribed(setting: Setting, material: Material) -> tuple[float, float]:
 
 
 def pulled(setting: Setting, material: Material, gauge: float) -> tuple[float, float, float]:
-    """Stretch of the middle at the end of a pull by sliding grips, `gauge` cells apart; mean of the stretches at both
-    ends of the last twentieth of it, and the load / section [Pa] meanwhile."""
+    """Final stretch of the middle of a pulled bar; mean stretch and load / section [Pa] over the last twentieth.
+
+    The grips slide and are `gauge` cells apart. The mean stretch is that of both ends of the last twentieth.
+    """
     solver = setting.solver(50)
     h, speed = solver.h, 0.01 * np.sqrt(material.E / material.density)
     X = np.stack([1 + (np.arange(42) - 20.5) * h / 2, np.ones(42), np.ones(42)], axis=1)
@@ -53,7 +55,7 @@ def pulled(setting: Setting, material: Material, gauge: float) -> tuple[float, f
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """The law at a prescribed F; the stretch that the middle of a pulled bar reaches, and the load at that stretch."""
+    """The law at a prescribed F; final stretch of the middle of a pulled bar, and load at that stretch."""
     for law, nu in CASES:
         material = Material(law=law, E=E, nu=nu)
         exact = kirchhoff(law, material.mu, material.lam, STRETCH)

@@ -15,20 +15,23 @@ THRESHOLDS = Fracture(onset=1.5, crit=2.3)
 EXACT = (0, 0, 0.25, 0.75, 0.75, 0.75, 1, 1, 1)
 
 
-def suffered(state: State) -> Array:
-    """Damage of all particles after each stretch of HISTORY, imposed on F for a substep of no length."""
-    seen = []
+def damage_after_each(state: State) -> Array:
+    """Damage of all particles after each stretch of HISTORY, (stretches, N).
+
+    Each stretch is set in F for a substep of 1e-9 s.
+    """
+    damage = []
     for stretch in HISTORY:
         put(state, F=np.diag([float(stretch), 1, 1]), V=np.zeros(3), C=np.zeros((3, 3)))
         state.run(1, 1e-9, 0.0)
-        seen.append(state.points.D.to_numpy())
-    return np.array(seen)
+        damage.append(state.points.D.to_numpy())
+    return np.array(damage)
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """Thresholds 1.5 and 2.3."""
+    """The history at thresholds 1.5 and 2.3."""
     solver = setting.solver(20)
     body = bar(solver, (0.6, 0.3, 0.3))
     state = free(medium(solver, Material(E=1e2, nu=0.3), THRESHOLDS), body)
-    error = np.abs(suffered(state) - np.array(EXACT)[:, None]).max()
+    error = np.abs(damage_after_each(state) - np.array(EXACT)[:, None]).max()
     yield absolute("largest |d - running maximum|", 0, float(error), 1e-6)

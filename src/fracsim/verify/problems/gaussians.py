@@ -1,4 +1,4 @@
-"""Gaussians that deform and turn with the material: covariance F A F^T, colour f'(d) = f(R^T d)."""
+"""Gaussians that deform and rotate with the material: covariance F A F^T, colour f'(d) = f(R^T d)."""
 
 from collections.abc import Iterator
 
@@ -11,19 +11,19 @@ from fracsim.render.film import Film
 from fracsim.verify.problem import Check, Setting, absolute
 
 FORMULATIONS = ("total",)
-"""The same in both."""
+"""The Gaussians are the same in both formulations."""
 COUNT = 200
 
 
 def deformation(rng: np.random.Generator) -> tuple[Array, Array]:
-    """R and F = R S with stretches from 0.7 to 2.5, (N, 3, 3) each."""
+    """Random R and F = R S with stretches from 0.7 to 2.5, (COUNT, 3, 3) each."""
     R, Q = (Rotation.random(COUNT, random_state=int(rng.integers(2**31))).as_matrix() for _ in range(2))
     S = Q @ (rng.uniform(0.7, 2.5, (COUNT, 3, 1)) * Q.transpose(0, 2, 1))
     return R, R @ S
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """Random covariances and colours of degree 3 under random F; both relative to the largest."""
+    """Random covariances and colours of degree 3 under random F; errors relative to the largest value."""
     rng = np.random.default_rng(0)
     R, F = deformation(rng)
     B = rng.normal(size=(COUNT, 3, 3))
@@ -42,5 +42,5 @@ def run(setting: Setting) -> Iterator[Check]:
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     before = np.stack([basis(d @ R[n]) @ sh[n] for n in range(COUNT)])
     error = np.abs(np.einsum("mk,nkc->nmc", basis(d), turned) - before).max() / np.abs(before).max()
-    # R comes from a float32 polar decomposition.
+    # The tolerance is that of a float32 polar decomposition.
     yield absolute("colour, largest error / largest", 0, float(error), 1e-6)

@@ -1,4 +1,4 @@
-"""What the grips do to a stiff bar: rigid ones move by v t, soft ones slip as a dashpot does."""
+"""Grips on a stiff bar: rigid grips move by v t, soft grips slip like a dashpot."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,19 +14,21 @@ from fracsim.verify.problem import Check, Setting, absolute, relative
 
 LAW, E, NU, DENSITY = "neo_hookean", 1e5, 0.45, 200.0
 SPEED, GAUGE, CELLS = 0.6, 16, 50
-"""Of each grip [m/s]; between their faces, in cells of 2 / CELLS m; a grip is two cells thick."""
+"""Speed of each grip [m/s], gauge length [cells of 2 / CELLS m], cells along 2 m. A grip is two cells thick."""
 STALL = 0.6
-"""The substep is such that soft grips stall at the nominal stress STALL * E."""
+"""Nominal stress / E at which soft grips stall, set by the choice of the substep."""
 
 
 def slipping(duration: float, gauge: float) -> tuple[float, float]:
-    """Stretch, and displacement of a grip / (v t), when particles alone are told to move at v.
+    """Stretch of the bar, and displacement of a soft grip / (v t), after `duration` [s] at gauge length `gauge` [m].
 
-    A grip of thickness s gets the impulse rho s (v - u) a section and substep, so that the load P is dt P / (rho s)
-    short of v: d lambda / dt = 2 (v - dt P(lambda) / (rho s)) / L0 with rho s v / dt = STALL E.
+    In each substep a grip of thickness s and velocity u gets the impulse rho s (v - u) per area. Under the nominal
+    stress P its velocity is v - dt P / (rho s): d lambda / dt = 2 (v - dt P(lambda) / (rho s)) / L0, with
+    rho s v / dt = STALL E.
     """
 
     def rate(t: float, stretch: list[float]) -> list[float]:
+        """d lambda / dt [1/s]."""
         return [2 * SPEED * (1 - uniaxial(LAW, NU, stretch[0])[0] / STALL) / gauge]
 
     stretch = float(solve_ivp(rate, (0, duration), [1.0], rtol=1e-8).y[0, -1])
@@ -34,7 +36,7 @@ def slipping(duration: float, gauge: float) -> tuple[float, float]:
 
 
 def pulled(setting: Setting, grips: str, duration: float) -> tuple[float, float]:
-    """Mean displacement of the held particles / (v t), and stretch of the middle."""
+    """Mean displacement of the held particles / (v t), and stretch of the middle, after `duration` [s]."""
     solver = setting.solver(CELLS)
     h = solver.h
     if grips == "soft":
@@ -45,18 +47,19 @@ def pulled(setting: Setting, grips: str, duration: float) -> tuple[float, float]
     simulator = Simulator(scene, bar(solver, ((GAUGE + 4) * h, 4 * h, 4 * h)))
     *_, last = simulator.frames()
     held = simulator.state.side != 0
-    moved = float((simulator.state.side * simulator.state.points.U.to_numpy()[:, 0].astype(float))[held].mean())
+    outwards = simulator.state.side * simulator.state.points.U.to_numpy()[:, 0].astype(float)
+    displacement = float(outwards[held].mean())
     middle = np.abs(simulator.particles.X[:, 0] - 1) < 2 * h
-    return moved / (SPEED * duration), float(np.linalg.svd(last.F[middle], compute_uv=False)[:, 0].mean())
+    return displacement / (SPEED * duration), float(np.linalg.svd(last.F[middle], compute_uv=False)[:, 0].mean())
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """Rigid for a short pull; soft until they have slipped through most of theirs."""
+    """Rigid grips in a short pull; soft grips in a long pull, over most of which they slip."""
     gauge = GAUGE * 2 / CELLS
-    way = pulled(setting, "rigid", 0.5 * gauge / (2 * SPEED))[0]
-    yield absolute("rigid: displacement / (v t)", 1, way, 1e-4)
+    ratio = pulled(setting, "rigid", 0.5 * gauge / (2 * SPEED))[0]
+    yield absolute("rigid: displacement / (v t)", 1, ratio, 1e-4)
     duration = (0.8 if setting.quick else 2.36) * gauge / (2 * SPEED)
-    stretch, slipped = slipping(duration, gauge)
-    way, middle = pulled(setting, "soft", duration)
-    yield relative("soft: displacement / (v t)", slipped, way, 0.15)
+    stretch, exact_ratio = slipping(duration, gauge)
+    ratio, middle = pulled(setting, "soft", duration)
+    yield relative("soft: displacement / (v t)", exact_ratio, ratio, 0.15)
     yield relative("soft: stretch of the middle", stretch, middle, 0.15)

@@ -1,6 +1,6 @@
-"""Two equal bars that meet end to end: they touch for 2 L / c and swap their velocities.
+"""Two equal bars that collide end to end: they touch for 2 L / c and swap their velocities.
 
-Without lateral coupling the nominal stress of the fixed corotated law is linear, so this holds at any speed.
+Without lateral coupling the nominal stress of the fixed corotated law is linear, so that this holds at any speed.
 """
 
 from collections.abc import Iterator
@@ -20,12 +20,12 @@ C = np.sqrt(E / DENSITY)
 
 
 def contact_time() -> float:
-    """Until the waves are back from the far ends [s]."""
+    """Time [s] until the waves return from the far ends."""
     return float(2 * LENGTH / C)
 
 
-def watch(setting: Setting, cells: int) -> tuple[Array, Array]:
-    """Times [s] and the mean velocity of one bar / v0, from a gap of two cells until long after."""
+def measure(setting: Setting, cells: int) -> tuple[Array, Array]:
+    """Times [s], (T,), and mean velocities of one bar / v0, (T,), from a gap of two cells until long after contact."""
     solver = setting.solver(2 * cells)
     half = (np.arange(2 * cells) + 0.5) * solver.h / 2
     x = np.concatenate([-half[::-1], half]) + np.repeat([-1, 1], 2 * cells) * solver.h
@@ -39,9 +39,9 @@ def watch(setting: Setting, cells: int) -> tuple[Array, Array]:
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """The mean velocity of a bar falls evenly from v0 to -v0 while they touch."""
+    """Contact time and rebound velocity. During contact the mean velocity of a bar falls linearly from v0 to -v0."""
     for cells in (25,) if setting.quick else (25, 50, 100):
-        t, v = watch(setting, cells)
+        t, v = measure(setting, cells)
         at, last = {"axis": "h", "at": LENGTH / cells}, int(v.argmin()) + 1
         target = 0.02 if cells >= 50 else None
         touching = float(np.interp(0.8, -v[:last], t[:last]) - np.interp(-0.8, -v[:last], t[:last])) / 0.8

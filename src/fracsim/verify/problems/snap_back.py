@@ -1,4 +1,4 @@
-"""A stretched bar released at both ends: a front runs inwards, and what it has passed flies at v."""
+"""A stretched bar released at both ends: a front runs inwards, and the material behind it moves at v."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from fracsim.lab.stage import advance, bar, free, medium, put
 from fracsim.scene.vocab import Material
-from fracsim.verify.closed_form import thinned, uniaxial
+from fracsim.verify.closed_form import lateral_stretch, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
 
 DENSITY, CELLS = 200.0, 50
@@ -14,7 +14,7 @@ ROWS = (("fixed_corotated", 2e3, 0.3, 1.5), ("neo_hookean", 2e4, 0.45, 2.6))
 
 
 def speed(law: str, E: float, nu: float, stretch: float) -> float:
-    """v = sqrt(P (lambda - 1) / rho) [m/s], from the jumps of mass and momentum across the front."""
+    """v = sqrt(P (lambda - 1) / rho) [m/s], from the jump conditions of mass and momentum at the front."""
     return float(np.sqrt(E * uniaxial(law, nu, stretch)[0] * (stretch - 1) / DENSITY))
 
 
@@ -24,13 +24,13 @@ def front(law: str, E: float, nu: float, stretch: float) -> float:
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """A bar of 2 x 50 cells and 2 x 2 in section; mean speed of the outer quarter when the front is half-way in."""
+    """A bar of 100 x 2 x 2 cells; mean speed of the outer quarter of each half when the front is half-way in."""
     solver = setting.solver(CELLS)
     half = CELLS * solver.h
     for law, E, nu, stretch in ROWS[:1] if setting.quick else ROWS:
         body = bar(solver, (2 * half, 2 * solver.h, 2 * solver.h))
         state = free(medium(solver, Material(law=law, E=E, nu=nu, density=DENSITY)), body)
-        F = np.diag([stretch, *[thinned(law, nu, stretch)] * 2])
+        F = np.diag([stretch, *[lateral_stretch(law, nu, stretch)] * 2])
         put(state, F=F, U=state.X0 @ (F - np.eye(3)))
         if not state.total:
             state.relayout(state.X0 + state.points.U.to_numpy())

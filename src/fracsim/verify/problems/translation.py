@@ -1,4 +1,4 @@
-"""A block that flies 100 cells: nothing changes but its place."""
+"""A block that flies 100 cells: only its position changes."""
 
 from collections.abc import Iterator
 
@@ -13,12 +13,12 @@ VELOCITY = np.array([5.0, 2.0, -1.0])
 
 
 def displacement(t: float) -> Array:
-    """Displacement of all particles at t [m], (3,)."""
+    """Displacement [m], (3,), of all particles at t [s]."""
     return VELOCITY * t
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """F stays I, v stays v, momentum is kept; to round-off."""
+    """F, v and momentum stay constant to round-off; the distance is v t."""
     solver = setting.solver(50)
     X = ordered(lattice((0.16,) * 3, solver.spacing), solver.h)
     state = free(medium(solver, Material(law="neo_hookean", E=1e4, nu=0.3)), particles(X, solver.spacing))
@@ -34,6 +34,6 @@ def run(setting: Setting) -> Iterator[Check]:
                    setting.by_precision(1e-5, 1e-12))  # fmt: skip
     change = np.linalg.norm(momentum(state) - before) / np.linalg.norm(before)
     yield absolute("change of momentum, relative", 0, float(change), setting.by_precision(1e-5, 1e-12))
-    moved = state.points.U.to_numpy().astype(float).mean(axis=0)
-    yield relative("distance flown", float(np.linalg.norm(displacement(t))), float(np.linalg.norm(moved)),
+    mean = state.points.U.to_numpy().astype(float).mean(axis=0)
+    yield relative("distance flown", float(np.linalg.norm(displacement(t))), float(np.linalg.norm(mean)),
                    setting.by_precision(1e-5, 1e-10), unit="m")  # fmt: skip

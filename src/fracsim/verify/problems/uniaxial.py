@@ -1,4 +1,4 @@
-"""A bar with free sides, stretched slowly: nominal stress, von Mises stress and volume against the root of P22 = 0."""
+"""A slowly stretched bar with free sides: nominal stress, von Mises stress and volume against the root of P22 = 0."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ import numpy as np
 from fracsim.lab.stage import NEVER, bar, free, medium, put, turned
 from fracsim.scene.vocab import CENTRE, Backend, Capture, Loading, Material, Scene
 from fracsim.solve.simulator import Simulator
-from fracsim.verify.closed_form import thinned, uniaxial
+from fracsim.verify.closed_form import lateral_stretch, uniaxial
 from fracsim.verify.problem import Check, Setting, relative
 from fracsim.verify.pull import PLACES
 
@@ -20,20 +20,20 @@ TABLE = {
     ("neo_hookean", 0.49): (0.35321, 0.58640, 0.82222, 0.96892, 1.07613),
     ("neo_hookean_decoupled", 0.45): (0.34349, 0.55303, 0.74439, 0.85275, 0.92714),
 }
-"""Nominal stress / E at STRETCHES, solved once more and elsewhere, to five digits."""
+"""Nominal stress / E at STRETCHES, computed independently, to five digits."""
 RUNS = (("fixed_corotated", 0.3, 2.0), ("neo_hookean", 0.45, 2.6))
 E = 2e3
 AXES = (10.0, 20.0, 30.0, 45.0)
-"""Of bars that lie across the grid [degrees]."""
+"""Pull axes of bars oblique to the grid [degrees]."""
 
 
 def law_at(setting: Setting, law: str, nu: float) -> float:
-    """Largest relative error of the law's von Mises stress at the closed-form F of all STRETCHES."""
+    """Largest relative error of the solver's von Mises stress at the closed-form F of all STRETCHES."""
     solver, worst = setting.solver(20), 0.0
     body = bar(solver)
     state = free(medium(solver, Material(law=law, E=E, nu=nu)), body)
     for stretch in STRETCHES:
-        side = thinned(law, nu, stretch)
+        side = lateral_stretch(law, nu, stretch)
         put(state, F=np.diag([stretch, side, side]))
         tau = state.observe()[0].astype(float).mean(axis=0)
         _, cauchy, J = uniaxial(law, nu, stretch)
@@ -42,8 +42,12 @@ def law_at(setting: Setting, law: str, nu: float) -> float:
 
 
 def pulled(setting: Setting, law: str, nu: float, most: float, gauge: float, axis: float = 0) -> tuple[float, float]:
-    """Load and J against the closed form: the mean load over section in the last tenth of a pull to a nominal stretch
-    `most` of a bar of 4 x 4 cells between sliding grips `gauge` cells apart; J of its middle at the end."""
+    """Load and J of a pulled bar, each over the closed form.
+
+    The bar has 4 x 4 cells in section and sliding grips, `gauge` cells apart. It is pulled to the nominal stretch
+    `most` along `axis` [degrees]. The load is a mean over the last tenth of the pull, J is that of the middle at the
+    end.
+    """
     solver, material = setting.solver(50), Material(law=law, E=E, nu=nu)
     h, frames = solver.h, 60
     speed = (0.02 if setting.quick else 0.01) * np.sqrt(material.E / material.density)
@@ -54,7 +58,7 @@ def pulled(setting: Setting, law: str, nu: float, most: float, gauge: float, axi
     simulator = Simulator(s, turned(bar(solver, (22 * h, 4 * h, 4 * h)), axis))
     *_, frame = simulator.frames()
     stretch = np.array(simulator.report.history.nominal_stretch)
-    # The load of a frame is its mean since the frame before.
+    # The load of a frame is its mean since the previous frame.
     exact = np.mean([uniaxial(law, nu, float(s))[0] for s in (stretch[-7:-1] + stretch[-6:]) / 2])
     load = np.mean(simulator.report.history.load[-6:]) / (4 * h) ** 2 / E
     middle = np.abs((simulator.particles.X - np.asarray(CENTRE)) @ s.loading.axis) < 2 * h
@@ -62,7 +66,7 @@ def pulled(setting: Setting, law: str, nu: float, most: float, gauge: float, axi
 
 
 def run(setting: Setting) -> Iterator[Check]:
-    """The law at prescribed F for the whole table; then pulls, whose load is that of the table."""
+    """The law at a prescribed F for the whole table; then load and J of pulled bars."""
     for (law, nu), nominal in TABLE.items():
         solved = max(abs(uniaxial(law, nu, s)[0] - P) for s, P in zip(STRETCHES, nominal, strict=True))
         assert solved < 1e-5, "the closed form disagrees with the table"

@@ -22,7 +22,9 @@ from fracsim.fuzz.study import JOURNAL, Worker, journal, numbers, study
 from fracsim.fuzz.table import lines, table
 from fracsim.lab import stage
 from fracsim.mpm import params as slot
+from fracsim.mpm.timestep import stable_at_rest
 from fracsim.records import Frame
+from fracsim.solve import setup
 from fracsim.solve.march import SimulationError
 from fracsim.solve.simulator import Simulator
 
@@ -89,7 +91,7 @@ def watched() -> tuple[Simulator, Watch, Frame]:
 def planted(watch: Watch, frame: Frame) -> list[str]:
     """Kinds of violations that a frame brings."""
     watch.frame(frame)
-    return [told.partition(":")[0] for told in watch.violations]
+    return [sentence.partition(":")[0] for sentence in watch.violations]
 
 
 def test_what_is_sound_passes(watched: tuple[Simulator, Watch, Frame]) -> None:
@@ -144,7 +146,7 @@ def test_mass_that_vanishes_from_the_grid_is_seen(watched: tuple[Simulator, Watc
     grid[:, 3] *= 0.9
     simulator.state.grid.velocity.from_numpy(grid)
     watch.round(1, 1e-4, frame.t)
-    assert [told.partition(":")[0] for told in watch.violations] == ["mass"]
+    assert [sentence.partition(":")[0] for sentence in watch.violations] == ["mass"]
 
 
 def test_which_error_fits() -> None:
@@ -181,17 +183,26 @@ def test_what_is_sensible() -> None:
     assert not sensible(case, case.resolve())
 
 
+def test_a_scene_without_a_stable_substep_is_drawn_and_not_sensible() -> None:
+    """Viscosity per substep with r >= 2."""
+    case = draw(3, 132)
+    scene = case.resolve()
+    assert scene.solver.damping == "per_substep"
+    assert stable_at_rest(setup.medium(scene)) == 0
+    assert not sensible(case, scene)
+
+
 def test_a_replay_file_round_trips(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for case in (draw(0, 5), draw(0, 6), draw(0, 7)):
-        write(case, tmp_path / "case.yaml", "told\nin two lines")
+        write(case, tmp_path / "case.yaml", "a comment\nin two lines")
         assert read(tmp_path / "case.yaml") == case
     case = plain(dt=0.01, dt_override=True)
     case.scene["capture"]["frames"] = 60
     write(case, tmp_path / "case.yaml")
     assert main(["--replay", str(tmp_path / "case.yaml")]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "ended by blow-up" in told
-    assert "refused as it should" in told
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "ended by blow-up" in printed
+    assert "refused as it should" in printed
     (tmp_path / "other.yaml").write_text("a: 1\n")
     assert main(["--replay", str(tmp_path / "other.yaml")]) == 2
     assert "is no scene of this study" in capsys.readouterr().err
@@ -234,7 +245,7 @@ def test_a_run_that_would_hardly_end_is_refused(monkeypatch: pytest.MonkeyPatch)
     assert "fracture.at_grips=true" in out.error
 
 
-def told(case: Case) -> Outcome:
+def misbehave(case: Case) -> Outcome:
     """In the place of `run`: number 1 crashes, number 2 hangs."""
     if case.number == 1:
         os._exit(7)
@@ -244,7 +255,7 @@ def told(case: Case) -> Outcome:
 
 
 def test_a_crash_and_a_hang_are_wrong_and_not_the_end(tmp_path: Path) -> None:
-    outcomes = list(study(tmp_path, 0, [0, 1, 2, 3], Worker(told, limit=8.0)))
+    outcomes = list(study(tmp_path, 0, [0, 1, 2, 3], Worker(misbehave, limit=8.0)))
     assert [o.verdict for o in outcomes] == ["finished", "wrong", "wrong", "finished"]
     assert outcomes[1].wrong == ["crashed: the process ended with status 7"]
     assert outcomes[2].wrong == ["hung: no end within 8 s"]
@@ -259,15 +270,15 @@ def test_resuming_skips_what_is_in_the_journal(tmp_path: Path) -> None:
     done = [Outcome(family="material", seed=0, number=k, verdict="finished") for k in (0, 3)]
     (tmp_path / JOURNAL).write_text("".join(json.dumps(asdict(o)) + "\n" for o in done) + '{"family": "mat')
     assert set(journal(tmp_path, 0)) == {0, 3}
-    assert [o.number for o in study(tmp_path, 0, [0, 3, 4], Worker(told))] == [4]
+    assert [o.number for o in study(tmp_path, 0, [0, 3, 4], Worker(misbehave))] == [4]
     assert set(journal(tmp_path, 0)) == {0, 3, 4}
-    assert [o.number for o in study(tmp_path, 1, [0], Worker(told))] == [0]
+    assert [o.number for o in study(tmp_path, 1, [0], Worker(misbehave))] == [0]
 
 
 def test_the_blow_up_of_an_isolated_particle_is_at_the_bound() -> None:
-    row = blowup.measure(blowup.Setting("neo_hookean", 0.3, "total", 0.0, "particle"))
-    assert row.ratio == pytest.approx(1.0, abs=0.01)
-    assert row.kept
-    assert not replace(row, blowup=0.9 * row.bound).kept
-    assert not replace(row, blowup=1.2 * row.bound).kept
-    assert blowup.table([row]).row_count == 1
+    margin = blowup.measure(blowup.Setting("neo_hookean", 0.3, "total", 0.0, "particle"))
+    assert margin.ratio == pytest.approx(1.0, abs=0.01)
+    assert margin.kept
+    assert not replace(margin, blowup=0.9 * margin.bound).kept
+    assert not replace(margin, blowup=1.2 * margin.bound).kept
+    assert blowup.table([margin]).row_count == 1

@@ -1,4 +1,4 @@
-"""The kernel that finds which Gaussians show."""
+"""The kernel that finds the visible Gaussians of an image."""
 
 import taichi as ti
 
@@ -8,14 +8,14 @@ from fracsim.render.project import LOG_FLOOR
 
 
 @ti.kernel
-def composite(
-    starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [tiles + 1]
-    entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [P]
-    ellipse: ti.types.ndarray(dtype=ti.types.vector(8, ti.f32), ndim=1),  # [N]
-    transmittance: ti.types.ndarray(dtype=ti.f32, ndim=2),  # [H, W] in: one; out: 0 where done
-    shows: ti.types.ndarray(dtype=ti.i32, ndim=1),  # [N] in: 0; out: 1 where a Gaussian takes light from a pixel
+def mark_visible(
+    starts: ti.types.ndarray(dtype=ti.i32, ndim=1),  # first entry of each tile, (tiles + 1,)
+    entries: ti.types.ndarray(dtype=ti.i32, ndim=1),  # Gaussians of the tiles, nearest first, (entries,)
+    ellipse: ti.types.ndarray(dtype=ti.types.vector(8, ti.f32), ndim=1),  # (N,)
+    transmittance: ti.types.ndarray(dtype=ti.f32, ndim=2),  # in: 1; out: 0 where done, (H, W)
+    marks: ti.types.ndarray(dtype=ti.i32, ndim=1),  # in: 0; out: 1 for a Gaussian that contributes to a pixel, (N,)
 ):
-    """The loop of `fracsim.render.composite` over whole tiles, with nothing to add up."""
+    """The loop of `fracsim.render.composite` over whole tiles, without features."""
     columns = transmittance.shape[1] // TILE
     for tile in range(starts.shape[0] - 1):
         top, left = tile // columns * TILE, tile % columns * TILE
@@ -30,4 +30,4 @@ def composite(
                 if T > 0 and q >= LOG_FLOOR:
                     T *= 1 - ti.min(ti.exp(q), ALPHA_CAP)
                     transmittance[row, column] = ti.select(T < STOP, 0.0, T)
-                    shows[g] = 1
+                    marks[g] = 1

@@ -58,10 +58,10 @@ def test_full_size_is_the_bar_of_the_comparison():
 def test_competitors_move_the_bar_alike(competitors):
     """One discretisation, so only round-off differs: positions around 1 m in float32 lose half of 1.2e-7 a substep."""
     plain, blocked = competitors
-    moved = np.abs(plain).max()
-    assert moved > 1e-3  # and elastically: the bar does not fly on with its first velocities
+    largest = np.abs(plain).max()
+    assert largest > 1e-3  # and elastically: the bar does not fly on with its first velocities
     X = bar.lattice(2 / CELLS)
-    assert np.abs(plain - SUBSTEPS * bar.DT * bar.velocity(X)).max() > 0.1 * moved
+    assert np.abs(plain - SUBSTEPS * bar.DT * bar.velocity(X)).max() > 0.1 * largest
     np.testing.assert_allclose(blocked, plain, atol=SUBSTEPS * 1.2e-7)
     np.testing.assert_allclose(ours("updated"), plain, atol=SUBSTEPS * 1.2e-7)
 
@@ -110,12 +110,12 @@ def test_gaussians_that_do_not_show_leave_the_picture_as_it_is(opacity, least, m
     particles = replace(particles, opacity=np.full(20_000, opacity, np.float32))
     film = Film(Scene(camera=Camera(width=128, height=128, half_width=0.33)))
     whole = film.shoot(frame, particles)
-    shows = hidden.showing(film, 20_000)
-    assert least <= shows.mean() <= most
-    few = film.shoot(hidden.part(frame, shows), hidden.part(particles, shows))
-    assert hidden.same(whole, few)
-    shows[np.flatnonzero(shows)[:100]] = False
-    assert not hidden.same(whole, film.shoot(hidden.part(frame, shows), hidden.part(particles, shows)))
+    mask = hidden.visible(film, 20_000)
+    assert least <= mask.mean() <= most
+    few = film.shoot(hidden.select(frame, mask), hidden.select(particles, mask))
+    assert hidden.equal(whole, few)
+    mask[np.flatnonzero(mask)[:100]] = False
+    assert not hidden.equal(whole, film.shoot(hidden.select(frame, mask), hidden.select(particles, mask)))
 
 
 def test_importing_needs_neither_taichi_nor_torch():
@@ -125,9 +125,9 @@ def test_importing_needs_neither_taichi_nor_torch():
 
 
 def test_the_run_that_is_timed_is_the_demo():
-    makefile = (Path(__file__).parents[1] / "Makefile").read_text()
-    (words,) = re.findall(r"^demo:.*\n\t\$\(RUN\) fracsim(.*)$", makefile, re.MULTILINE)
-    assert tuple(words.split()) == FULL.run
+    makefile = (Path(__file__).parents[2] / "Makefile").read_text()
+    (overrides,) = re.findall(r"^demo:.*\n\t\$\(RUN\) fracsim(.*)$", makefile, re.MULTILINE)
+    assert tuple(overrides.split()) == FULL.run
 
 
 def stored(folder):
@@ -166,7 +166,7 @@ def test_the_break_is_found_behind_the_blow_of_the_grips():
     assert np.isnan(broken_at(np.arange(22) / 10, np.arange(22.0))[0])
 
 
-def test_an_unknown_name_is_told_with_the_known_ones(capsys):
+def test_an_unknown_name_is_an_error_with_the_known_names(capsys):
     with pytest.raises(SystemExit):
         main(["paretto"])
     assert "NAME=paretto is not known: choose from substep," in capsys.readouterr().err
