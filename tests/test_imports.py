@@ -10,8 +10,8 @@ from fracsim.run import pipeline
 from tests.command import SMALL, python
 
 HEAVY = {"taichi", "torch", "trimesh", "hydra", "omegaconf", "scipy", "matplotlib", "rich", "plyfile", "imageio"}
-LIGHT = ("fracsim.camera", "fracsim.codec", "fracsim.maps", "fracsim.records", "fracsim.registry", "fracsim.sample",
-         "fracsim.scene.program")  # fmt: skip
+LIGHT = ("fracsim.camera", "fracsim.codec", "fracsim.dataset", "fracsim.maps", "fracsim.records", "fracsim.registry",
+         "fracsim.sample", "fracsim.scene.program")  # fmt: skip
 """What fracgen may import."""
 
 

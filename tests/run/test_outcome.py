@@ -1,5 +1,6 @@
 """A run is silent, and its outcome says what happened."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ def report(**changes: Any) -> dict[str, Any]:
         # 5 % of 12 J by the grips and 2 J against gravity.
         ({"energy": {"unaccounted": 0.69}}, "complete", ""),
         ({"energy": {"unaccounted": -0.71}}, "suspect", "energy unaccounted: -0.71 J of 14 J of work"),
+        ({"energy": {"unaccounted": math.nan}}, "suspect", "energy unaccounted: nan J of 14 J of work"),
+        ({"energy": {"unaccounted": None}}, "suspect", "energy unaccounted: nan J of 14 J of work"),  # of meta.json
         # 1e-5 of all substeps of all particles.
         ({"clamped": 1}, "complete", ""),
         ({"clamped": 2}, "suspect", "J < 0.05 in 0.002 % of all substeps of all particles"),

@@ -1,4 +1,4 @@
-"""Ctrl-C that is never lost."""
+"""Ctrl-C that is never lost, and signals that do the same."""
 
 import signal
 import threading
@@ -6,9 +6,10 @@ from types import FrameType, TracebackType
 
 
 class Interrupt:
-    """A context in which `check` raises KeyboardInterrupt after a Ctrl-C.
+    """A context in which `check` raises KeyboardInterrupt after a Ctrl-C, SIGTERM (a batch system) or SIGHUP.
 
-    Ctrl-C also raises at once, but Python drops errors of destructors and of callbacks from C: the run would go on.
+    They also raise at once, but Python drops errors of destructors and of callbacks from C: the run would go on. A
+    SIGHUP that is ignored, as under nohup, stays ignored.
     """
 
     def __init__(self) -> None:
@@ -16,21 +17,28 @@ class Interrupt:
 
     def __enter__(self) -> "Interrupt":
         self._ours = threading.current_thread() is threading.main_thread()  # the only one that may set handlers
-        if self._ours:
-            self._before = signal.signal(signal.SIGINT, self._note)
+        self._before = {number: signal.signal(number, self._note) for number in self._signals()}
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._ours:
-            signal.signal(signal.SIGINT, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _signals(self) -> list[signal.Signals]:
+        """The signals that stop a run."""
+        hangup: signal.Signals | None = getattr(signal, "SIGHUP", None)  # Windows has none
+        found = [signal.SIGINT, signal.SIGTERM]
+        if hangup and signal.getsignal(hangup) is not signal.SIG_IGN:
+            found.append(hangup)
+        return found if self._ours else []
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.seen = True
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if there was a Ctrl-C."""
+        """Raise KeyboardInterrupt if there was a signal to stop."""
         if self.seen:
             raise KeyboardInterrupt

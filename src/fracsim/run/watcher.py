@@ -1,4 +1,9 @@
-"""What follows a run while it goes on."""
+"""What follows a run, or many, while they go on."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fracsim.run.attempt import Attempt, Task
 
 
 class Watcher:
@@ -9,3 +14,16 @@ class Watcher:
 
     def frame(self, index: int) -> None:
         """Called after frame `index` has been written."""
+
+
+class SweepWatcher:
+    """Is called by a sweep; does nothing itself, and subclasses override what they need."""
+
+    @contextmanager
+    def scene(self, task: Task) -> Iterator[Watcher]:
+        """Entered around each attempt; yields what follows its run."""
+        yield Watcher()
+
+    def done(self, attempt: Attempt) -> None:
+        """Called after each attempt, once it is in the journal."""
+

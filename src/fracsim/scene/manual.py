@@ -20,22 +20,30 @@ NAME = 34
 """Columns for `field=value`."""
 
 
-def manual(about: str, noun: str, groups: Mapping[str, Sequence[str]], schema: type, values: Any) -> str:
+def manual(
+    about: str,
+    noun: str,
+    groups: Mapping[str, Sequence[str]],
+    schema: type,
+    values: Any,
+    optional: Mapping[str, Sequence[str]] | None = None,
+) -> str:
     """`about`, the flags, the choices of each group, and every field of `schema` with its value in `values`, meaning
-    and allowed values. `noun` is what an object of the schema is called.
+    and allowed values. `noun` is what an object of the schema is called; `optional` are groups chosen by +GROUP=CHOICE.
     """
     width = min(max(shutil.get_terminal_size().columns, 80), 120)
     example = next((f", as {group}={choices[0]}" for group, choices in groups.items() if choices), "")
     heading = f"Groups: each choice is a file in conf/ that sets several fields{example}"
     fields_heading = f"\nFields: with their values in the default {noun}, and {{what is allowed}}"
-    lines = [about, FLAGS.format(noun=noun), heading, *_groups(groups, width)]
+    lines = [about, FLAGS.format(noun=noun), heading, *_groups(groups, width), *_groups(optional or {}, width, sign="+")]
     return "\n".join([*lines, fields_heading, *_fields(schema, values, width)]) + "\n"
 
 
-def _groups(groups: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
+def _groups(groups: Mapping[str, Sequence[str]], width: int, sign: str = "") -> Iterator[str]:
     """A line for each group of choices."""
     for group, choices in groups.items():
-        yield fill(", ".join(choices), width, initial_indent=f"  {group:<9} ", subsequent_indent=" " * 12)
+        how = f" (choose by {sign}{group}=NAME)" if sign else ""
+        yield fill(", ".join(choices) + how, width, initial_indent=f"  {group:<9} ", subsequent_indent=" " * 12)
 
 
 def _fields(schema: type, values: Any, width: int) -> Iterator[str]:

@@ -39,6 +39,8 @@ class Program(Generic[T]):
     schema: type[T]
     """Dataclass whose fields are knobs or dataclasses of knobs."""
     folder: Path = conf()
+    optional: tuple[str, ...] = ()
+    """Groups that are not in the defaults list: chosen by +GROUP=CHOICE."""
 
     @property
     def noun(self) -> str:
@@ -53,7 +55,7 @@ class Program(Generic[T]):
         content: Any = OmegaConf.to_container(OmegaConf.load(self.folder / f"{self.primary}.yaml"))
         entries = [key for entry in content.get("defaults", []) if isinstance(entry, dict) for key in entry]
         named = [key.rpartition(" ")[2].partition("@")[0].strip("/") for key in entries if "override " not in key]
-        return {name: tuple(sorted(p.stem for p in (self.folder / name).glob("*.yaml"))) for name in sorted(named)}
+        return {name: self._choices(name) for name in sorted(named)}
 
     @cached_property
     def config(self) -> type:
@@ -79,7 +81,8 @@ class Program(Generic[T]):
         lines = (self.folder / f"{self.primary}.yaml").read_text(encoding="utf-8").splitlines()
         about = "\n".join(line[2:] for line in takewhile(lambda line: line.startswith("#"), lines))
         values = OmegaConf.to_container(self.composed(()), resolve=True)
-        return manual(about, self.noun, self.groups, self.config, values)
+        more = {name: self._choices(name) for name in self.optional}
+        return manual(about, self.noun, self.groups, self.config, values, more)
 
     def compose(self, *overrides: str) -> T:
         """The object that `python -m NAME OVERRIDES...` works on; for use from Python, also inside a Hydra program.
@@ -111,6 +114,10 @@ class Program(Generic[T]):
     def explain(self, error: Exception, overrides: Sequence[str]) -> str:
         """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
         return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
+
+    def _choices(self, group: str) -> tuple[str, ...]:
+        """The files of a group, sorted."""
+        return tuple(sorted(p.stem for p in (self.folder / group).glob("*.yaml")))
 
     def composed(self, overrides: Sequence[str], *, hydra: bool = False) -> Any:
         """The configuration as Hydra composes it, with Hydra's own part on request; raises ValueError."""
@@ -148,6 +155,6 @@ def _hydra_alone() -> Iterator[None]:
         VersionBase.instance().version_base = base
 
 
-SIMULATE: Program[Scene] = Program("fracsim", "simulate", Scene)
+SIMULATE: Program[Scene] = Program("fracsim", "simulate", Scene, optional=("sweep",))
 """`python -m fracsim`."""
 compose = SIMULATE.compose

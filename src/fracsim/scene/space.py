@@ -9,7 +9,7 @@ from itertools import combinations, product
 from math import prod
 from typing import Any
 
-from fracsim.scene.knob import check, knob, text
+from fracsim.scene.knob import check, describe, knob, text
 
 Row = tuple[int, ...]
 """Which value of each list."""
@@ -57,11 +57,14 @@ class Space:
 class Draw:
     """What a configuration may hold beside its schema: one draw of a parameter table."""
 
-    draw: int = knob(-1, "row of the parameter table `space`, from 0: sets the fields of the table, except those given "
-                     "as FIELD=VALUE; -1 = no draw", least=-1)  # fmt: skip
+    # A list on the command line, which is a scene for each; one number here.
+    draw: Any = knob(-1, "row of the parameter table `space`, from 0: sets the fields of the table, except those given "
+                     "as FIELD=VALUE; -1 = no draw; a list of rows is a scene for each", least=-1)  # fmt: skip
     space: Space = field(default_factory=Space)
 
     def __post_init__(self) -> None:
+        if type(self.draw) is not int:
+            raise ValueError(next(rule for _, _, rule in describe(Draw)).refusal("draw", self.draw, -1))
         check(self, "")
 
 
