@@ -13,6 +13,7 @@ from fracsim.run.outcome import Outcome
 from fracsim.sample import read
 from fracsim.sample.video import Encoder
 from fracsim.scene.vocab import Asset, Material
+from tests.command import SMALL, fracsim_command
 
 STORED = Path(__file__).parents[1] / "reference/version_1/903747a6c1ec"
 FAILED = Outcome("failed", None, "particle 3 flies off", seconds={"prepare": 0.1, "simulate": 0.4})
@@ -88,3 +89,14 @@ def test_wandb_offline_has_the_curves_the_table_and_the_pictures(tmp_path, finis
     media = run / "files/media"
     assert [len(list(media.rglob(f"*{kind}"))) for kind in (".png", ".mp4", ".table.json")] == [1, 1, 1]
     assert len(_rows(tmp_path / "multirun/smoke-0001.csv")) == 2
+
+
+def test_a_multirun_writes_the_table_and_its_samples_do_not_know(tmp_path):
+    """A scene that fails is a row as well, and logger=none leaves the ids as they are."""
+    sweep = ("-m", *SMALL, "capture.frames=2", f"output.folder={tmp_path}", "loading.speed=0.5,0.7,600")
+    assert fracsim_command(*sweep, "solver.max_speed=1000").returncode == 2
+    rows = [row for path in sorted((tmp_path / "multirun").glob("*.csv")) for row in _rows(path)]
+    assert [row["loading.speed"] for row in rows if row["status"] != "failed"] == ["0.5", "0.7"]
+    assert len({row["id"] for row in rows}) == len(rows)
+    again = fracsim_command(*sweep, "solver.max_speed=1000", "logger=none")
+    assert again.stdout.count("already there") == 2

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fracsim.run import journal, lines
+from fracsim.run import journal, lines, logger
 from fracsim.run.attempt import Summary, Task
 from fracsim.run.sweep import run_all
 from fracsim.scene.program import SIMULATE
@@ -24,7 +24,8 @@ def run(cfg: Any) -> Summary:
     overrides: Any = OmegaConf.to_container(hydra.overrides.task, resolve=False)
     todo = tasks(cfg, overrides)
     if hydra.mode == RunMode.MULTIRUN or len(todo) > 1:
-        summary = run_all(_resolved(todo), _lines(hydra, cfg, len(todo)))
+        with logger.Logged(_lines(hydra, cfg, len(todo)), _logger(hydra, cfg, len(todo))) as watch:
+            summary = run_all(_resolved(todo), watch)
     else:
         summary = run_all(_resolved(todo), lines.One())
     RESULTS.append(summary)
@@ -69,6 +70,12 @@ def _resolved(todo: Sequence[tuple[Any, tuple[str, ...]]]) -> Iterator[Task]:
             except OmegaConfBaseException:
                 content = OmegaConf.to_container(cfg, resolve=False)
             yield Task(None, overrides, str(error), content)
+
+
+def _logger(hydra: Any, cfg: Any, scenes: int) -> logger.Logger:
+    """The logger of one job, under the name of its sweep."""
+    sweep = hydra.runtime.choices.get("sweep") or "sweep"
+    return logger.make(cfg.logger, cfg.output.folder, sweep, hydra.job.get("num") or 0, scenes)
 
 
 def _lines(hydra: Any, cfg: Any, scenes: int) -> lines.Lines:

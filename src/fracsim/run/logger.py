@@ -11,7 +11,8 @@ import csv
 import os
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +20,9 @@ import numpy as np
 from PIL import Image
 
 from fracsim.records import Array
+from fracsim.run.attempt import Attempt, Task
 from fracsim.run.outcome import Outcome
+from fracsim.run.watcher import SweepWatcher, Watcher
 from fracsim.sample.identity import field_of, pinned_defaults, scene_id
 from fracsim.sample.schema import STRIP
 from fracsim.scene.knob import text
@@ -62,6 +65,30 @@ def make(name: str, folder: Path | str, sweep: str = "sweep", job: int = 0, tota
     beside = Path(folder).expanduser() / "multirun"
     table = Csv(beside / f"{sweep}-{job:04d}.csv")
     return table if name == "csv" else Wandb(table, beside, sweep, job, total)
+
+
+class Logged(SweepWatcher):
+    """Another watcher of a sweep, and a logger; a context manager, which closes the logger at the end."""
+
+    def __init__(self, watch: SweepWatcher, log: Logger) -> None:
+        self._watch, self._log = watch, log
+
+    @contextmanager
+    def scene(self, task: Task) -> Iterator[Watcher]:
+        """As the other watcher does."""
+        with self._watch.scene(task) as follow:
+            yield follow
+
+    def done(self, attempt: Attempt) -> None:
+        """Tell the other watcher and the logger."""
+        self._watch.done(attempt)
+        self._log.log(attempt.outcome, attempt.task.scene)
+
+    def __enter__(self) -> "Logged":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._log.close()
 
 
 class Silent:
