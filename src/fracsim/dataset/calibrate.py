@@ -224,8 +224,11 @@ def _measure(scene: Scene, folder: str, say: Callable[[str], None], name: str) -
     video = sum(entry["bytes"] for file, entry in files.items() if file.endswith((".mkv", ".mp4")))
     report, spent = outcome.report, {"prepare": 0.0} | dict(outcome.seconds)
     load = replace(work(scene, report["substeps"]), particles=report["particles"])
-    return Measured(name, scene, load, spent["simulate"], spent["render"] + spent["write"], wall - spent["prepare"],
-                    video, sum(entry["bytes"] for entry in files.values()) - video, report["break_frame"])  # fmt: skip
+    return Measured(
+        name, scene, load,
+        simulate=spent["simulate"], pictures=spent["render"] + spent["write"], wall=wall - spent["prepare"],
+        video=video, other=sum(entry["bytes"] for entry in files.values()) - video, break_frame=report["break_frame"],
+    )  # fmt: skip
 
 
 def _fitted(runs: Sequence[Measured]) -> Cost:

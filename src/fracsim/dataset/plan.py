@@ -16,6 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,7 @@ class Plan:
     def coverage(self) -> dict[str, dict[str, dict[str, int]]]:
         """Of each field that varies within an object, value -> object -> clips."""
         out: dict[str, dict[str, dict[str, int]]] = {}
-        for name, values in self._varying().items():
+        for name, values in self._varying.items():
             if len({(o, v) for o, v in values}) > len({o for o, _ in values}):
                 table: dict[str, dict[str, int]] = {}
                 for (o, v), n in sorted(Counter(values).items(), key=lambda item: _order(item[0][1])):
@@ -86,8 +87,10 @@ class Plan:
 
     def by_object(self) -> list[str]:
         """Fields that vary between objects only."""
-        return [name for name in self._varying() if name not in self.coverage()]
+        covered = self.coverage()
+        return [name for name in self._varying if name not in covered]
 
+    @cached_property
     def _varying(self) -> dict[str, list[tuple[str, str]]]:
         """Of each field with several values, (object, value) of each clip."""
         names = [name for name in pinned_defaults(Scene) if not name.startswith("asset.")] if self.clips else []
