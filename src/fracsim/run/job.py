@@ -24,8 +24,8 @@ def run(cfg: Any) -> Summary:
     overrides: Any = OmegaConf.to_container(hydra.overrides.task, resolve=False)
     todo = tasks(cfg, overrides)
     if hydra.mode == RunMode.MULTIRUN or len(todo) > 1:
-        with logger.Logged(_lines(hydra, cfg, len(todo)), _logger(hydra, cfg, len(todo))) as watch:
-            summary = run_all(_resolved(todo), watch)
+        shown = _lines(hydra, cfg, len(todo))
+        summary = run_all(_resolved(todo), logger.Logged(shown, _logger(hydra, cfg, len(todo))))
     else:
         summary = run_all(_resolved(todo), lines.One())
     RESULTS.append(summary)
@@ -73,9 +73,11 @@ def _resolved(todo: Sequence[tuple[Any, tuple[str, ...]]]) -> Iterator[Task]:
 
 
 def _logger(hydra: Any, cfg: Any, scenes: int) -> logger.Logger:
-    """The logger of one job, under the name of its sweep."""
-    sweep = hydra.runtime.choices.get("sweep") or "sweep"
-    return logger.make(cfg.logger, cfg.output.folder, sweep, hydra.job.get("num") or 0, scenes)
+    """The logger of this process, under the name of the sweep; only without workers does it see the whole sweep."""
+    choices, given = hydra.runtime.choices, hydra.sweeper.get("job")
+    total = (given or {}).get("total") or scenes
+    alone = choices["hydra/launcher"] == "basic"
+    return logger.shared(cfg.logger, cfg.output.folder, choices.get("sweep") or "sweep", total if alone else None)
 
 
 def _lines(hydra: Any, cfg: Any, scenes: int) -> lines.Lines:

@@ -1,18 +1,21 @@
 """What follows a sweep clip by clip: `logger=none`, `logger=csv` (the default) or `logger=wandb`.
 
-csv appends a row a clip to `multirun/NAME-JOB.csv` in the folder of the data set. wandb writes the same file, and
-beside it a run a job in the group of the sweep: how many clips are done and failed, the time left, seconds a clip by
+csv appends a row a clip to `multirun/SWEEP-HOST-PROCESS.csv` in the folder of the data set. wandb writes the same file,
+and a run a process in the group of the sweep: how many clips are done and failed, the time left, seconds a clip by
 phase, and a table with a row a clip, which has the parameters, a thumbnail and the preview video. It is offline unless
 WANDB_API_KEY or WANDB_MODE say otherwise; `wandb sync multirun/wandb/offline-run-*` uploads later. What lies on disk
 counts: wandb is a copy for people.
 """
 
+import atexit
 import csv
 import os
+import socket
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -50,11 +53,25 @@ class Logger(Protocol):
         """Called after each scene, also after one that failed or was there already; None when it is not a scene."""
 
     def close(self) -> None:
-        """Called once at the end, also after Ctrl-C."""
+        """Called at the end, also after Ctrl-C; a second call does nothing."""
 
 
-def make(name: str, folder: Path | str, sweep: str = "sweep", job: int = 0, total: int | None = None) -> Logger:
-    """The logger `name` of LOGGERS for job number `job` of a sweep, of `total` scenes if that is known.
+_shared: dict[tuple[str, str, str], Logger] = {}
+"""The loggers of this process."""
+
+
+def shared(name: str, folder: str, sweep: str, total: int | None) -> Logger:
+    """The logger that all jobs of a sweep in this process share, closed when the process ends; otherwise as `make`."""
+    key = name, folder, sweep
+    if key not in _shared:
+        log = _shared[key] = make(name, folder, sweep, total)
+        atexit.register(log.close)  # before that of wandb, which would end the run first
+        Finalize(log, log.close, exitpriority=10)  # in workers of joblib, which skip atexit
+    return _shared[key]
+
+
+def make(name: str, folder: Path | str, sweep: str = "sweep", total: int | None = None) -> Logger:
+    """The logger `name` of LOGGERS for this process and a sweep, of `total` scenes if all are run here.
 
     `folder` is that of the data set. Raises ValueError for an unknown name, and for wandb when it is not installed.
     """
@@ -63,12 +80,12 @@ def make(name: str, folder: Path | str, sweep: str = "sweep", job: int = 0, tota
     if name == "none":
         return Silent()
     beside = Path(folder).expanduser() / "multirun"
-    table = Csv(beside / f"{sweep}-{job:04d}.csv")
-    return table if name == "csv" else Wandb(table, beside, sweep, job, total)
+    table = Csv(beside / f"{sweep}-{socket.gethostname()}-{os.getpid()}.csv")
+    return table if name == "csv" else Wandb(table, beside, sweep, total)
 
 
 class Logged(SweepWatcher):
-    """Another watcher of a sweep, and a logger; a context manager, which closes the logger at the end."""
+    """Another watcher of a sweep, and a logger."""
 
     def __init__(self, watch: SweepWatcher, log: Logger) -> None:
         self._watch, self._log = watch, log
@@ -84,12 +101,6 @@ class Logged(SweepWatcher):
         self._watch.done(attempt)
         self._log.log(attempt.outcome, attempt.task.scene)
 
-    def __enter__(self) -> "Logged":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._log.close()
-
 
 class Silent:
     """logger=none."""
@@ -102,7 +113,7 @@ class Silent:
 
 
 class Csv:
-    """logger=csv: a row a clip, on disk as soon as the clip is there; a later run of the job adds its rows."""
+    """logger=csv: a row a clip, on disk as soon as the clip is there."""
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -123,9 +134,9 @@ class Csv:
 
 
 class Wandb:
-    """logger=wandb: a run a job, in the group of the sweep, beside the csv file."""
+    """logger=wandb: a run a process, in the group of the sweep, beside the csv file."""
 
-    def __init__(self, table: Csv, folder: Path, sweep: str, job: int, total: int | None) -> None:
+    def __init__(self, table: Csv, folder: Path, sweep: str, total: int | None) -> None:
         """Raises ValueError when wandb is not installed."""
         try:
             import wandb
@@ -137,14 +148,14 @@ class Wandb:
         self._counts: Counter[str] = Counter()
         self._begin = time.perf_counter()
         self._run = wandb.init(
-            project=os.environ.get("WANDB_PROJECT", "fracsim"), group=sweep, name=f"{sweep}-{job:04d}",
+            project=os.environ.get("WANDB_PROJECT", "fracsim"), group=sweep, name=table.path.stem,
             job_type="sweep", dir=os.environ.get("WANDB_DIR", str(folder)), mode=_mode(),
-            config={"sweep": sweep, "job": job, "total": total}, settings=wandb.Settings(console="off", silent=True),
+            config={"sweep": sweep, "total": total}, settings=wandb.Settings(console="off", silent=True),
         )  # fmt: skip
         self._run.define_metric("sweep/done")
         self._run.define_metric("*", step_metric="sweep/done")
         self._table = wandb.Table(columns=[*COLUMNS, *PICTURES], log_mode="INCREMENTAL")
-        self._unsent = 0
+        self._unsent, self._closed = 0, False
 
     def log(self, outcome: Outcome, scene: Scene | None) -> None:
         """Log the curves and the row of a clip."""
@@ -161,6 +172,9 @@ class Wandb:
 
     def close(self) -> None:
         """Send what is left and finish the run."""
+        if self._closed:
+            return
+        self._closed = True
         self._csv.close()
         if self._unsent:
             self._send()
