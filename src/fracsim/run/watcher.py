@@ -26,4 +26,3 @@ class SweepWatcher:
 
     def done(self, attempt: Attempt) -> None:
         """Called after each attempt, once it is in the journal."""
-
