@@ -55,7 +55,9 @@ class RayLauncher(Launcher):
         return results
 
 
-def _run(shared: tuple[HydraContext, TaskFunction, Mapping[str, Any], Any], overrides: list[str], num: int) -> JobReturn:
+def _run(
+    shared: tuple[HydraContext, TaskFunction, Mapping[str, Any], Any], overrides: list[str], num: int
+) -> JobReturn:
     """One job, in a worker of Ray."""
     context, task_function, config, state = shared
     setup_globals()
