@@ -124,17 +124,19 @@ def test_a_data_loader_of_torch_reads_in_two_workers(clips: Clips) -> None:
 
 
 def test_reading_needs_no_taichi(folder: Path) -> None:
-    """Nor does `--help`, with all commands."""
     code = f"""
 import sys
 import fracsim.dataset
-from fracsim.dataset.__main__ import parser
-parser()
 clips = fracsim.dataset.open({str(folder)!r})
 assert clips.filter(object="duck")[0].read("stress", 0, 2).shape == (2, 64, 64, 1)
 print(*{{name.partition(".")[0] for name in sys.modules}})
 """
     assert not set(python(code).split()) & {"taichi", "torch", "trimesh", "scipy", "hydra", "matplotlib", "rich"}
+
+
+def test_the_help_of_all_commands_needs_no_taichi() -> None:
+    code = "import sys; from fracsim.dataset.__main__ import parser; parser().format_help(); print(*sys.modules)"
+    assert not set(python(code).split()) & {"taichi", "torch"}
 
 
 def test_the_working_folder_loads_as_a_videofolder(copy: Path, tmp_path: Path) -> None:

@@ -35,7 +35,13 @@ def manual(
     example = next((f", as {group}={choices[0]}" for group, choices in groups.items() if choices), "")
     heading = f"Groups: each choice is a file in conf/ that sets several fields{example}"
     fields_heading = f"\nFields: with their values in the default {noun}, and {{what is allowed}}"
-    lines = [about, FLAGS.format(noun=noun), heading, *_groups(groups, width), *_groups(optional or {}, width, sign="+")]
+    lines = [
+        about,
+        FLAGS.format(noun=noun),
+        heading,
+        *_groups(groups, width),
+        *_groups(optional or {}, width, sign="+"),
+    ]
     return "\n".join([*lines, fields_heading, *_fields(schema, values, width)]) + "\n"
 
 

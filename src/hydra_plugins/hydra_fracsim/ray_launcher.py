@@ -48,14 +48,16 @@ class RayLauncher(Launcher):
         setup_globals()
         if not ray.is_initialized():
             ray.init(**{"include_dashboard": False, "logging_level": "warning", **self._init})
-        task = ray.remote(**self._remote)(_run)
+        task: Any = ray.remote(**self._remote)(_run)
         shared = ray.put((self._context, self._task, OmegaConf.to_container(self._config), Singleton.get_state()))
         jobs = [task.remote(shared, list(o), initial_job_idx + i) for i, o in enumerate(job_overrides)]
         results: Sequence[JobReturn] = ray.get(jobs)
         return results
 
 
-def _run(shared: tuple[HydraContext, TaskFunction, Mapping[str, Any], Any], overrides: list[str], num: int) -> JobReturn:
+def _run(
+    shared: tuple[HydraContext, TaskFunction, Mapping[str, Any], Any], overrides: list[str], num: int
+) -> JobReturn:
     """One job, in a worker of Ray."""
     context, task_function, config, state = shared
     setup_globals()
