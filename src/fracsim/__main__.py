@@ -45,6 +45,9 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except BrokenPipeError:  # the reader has seen enough, as in `--help | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        complain(f"{error}: free some space or set output.folder to a folder you may write to, then repeat the command")
+        sys.exit(BAD)
     failed = sum(summary.failed for summary in job.RESULTS)
     if failed and sum(summary.counts.total() for summary in job.RESULTS) > 1:
         print(f"{failed} scene(s) failed", file=sys.stderr)

@@ -122,10 +122,13 @@ def test_one_map_without_colour_in_preview_on_one_thread(tmp_path: Path) -> None
 
 
 def test_a_sweep_makes_a_sample_a_scene_in_one_process(tmp_path: Path) -> None:
-    """-m may stand anywhere; a bad scene is told, and the others are made all the same."""
+    """-m may stand anywhere; a line a clip; a bad scene is named, and the others are made all the same."""
     done = fracsim_command(*SMALL, "-m", "material.E=2e3,1,6e3", f"output.folder={tmp_path}")
     assert [sample.read(p).scene.material.E for p in samples(tmp_path)] == [2e3, 6e3]
-    assert [line.split()[1] for line in done.stdout.splitlines() if line.startswith("scene ")] == ["1", "2", "3"]
+    said = done.stdout.splitlines()
+    assert [line.partition(": ")[0] for line in said[:3]] == [
+        "1/3 bread material.E=2000.0", "2/3 material.E=1", "3/3 bread material.E=6000.0"]  # fmt: skip
+    assert re.fullmatch(r"3 clips in \d+ \w+: made 2 .*, failed 1, \d+ clips/hour", said[3])
     assert (done.returncode, done.stderr.splitlines()[0][:20]) == (2, "error: material.E=1 ")
     assert done.stderr.splitlines()[1:] == ["1 scene(s) failed"]
 

@@ -70,7 +70,7 @@ def train(folder: Path) -> Program[TrainConfig]:
 @pytest.fixture
 def simulate(folder: Path) -> Program[Scene]:
     """fracsim beside it, from the same folder."""
-    return Program("fracsim", "simulate", Scene, folder)
+    return Program("fracsim", "simulate", Scene, folder, optional=("sweep",))
 
 
 def test_groups_are_those_of_the_primary_file(train: Program[TrainConfig], simulate: Program[Scene]) -> None:

@@ -265,7 +265,7 @@ def _frames(made: Plan) -> Any:
 
 
 def _doubt(about: Mapping[str, Any]) -> str:
-    busy = about["busy_cores"]
+    busy = about.get("busy_cores", 0.0)
     return f"; measured while other processes kept {busy:.1f} cores busy" if busy > calibrate.BUSY else ""
 
 

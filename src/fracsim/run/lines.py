@@ -65,7 +65,8 @@ class Lines(SweepWatcher):
         """Print the line of an attempt, and its error if there is one."""
         self._number += 1
         outcome = attempt.outcome
-        parts = [_ending(attempt), *([_times(attempt)] if outcome.status in MADE else []), *self._left()]
+        times = [_times(attempt)] if outcome.status in MADE else []
+        parts = [_ending(attempt), *times, *([] if outcome.status == "interrupted" else self._left())]
         line = f"{self._number}/{self._job.total} {label(attempt.task, self._job.varied)}: {', '.join(parts)}"
         console.OUT.print(escape(line), soft_wrap=True)
         if outcome.status == "failed":

@@ -21,19 +21,19 @@ _cleared: set[Path] = set()
 """Folders whose leftovers this process has removed."""
 
 
-def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None) -> Summary:
+def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, record: bool = True) -> Summary:
     """Run scenes, write their samples, and count what came of them; prints nothing.
 
-    Whole samples that are there are not made again. Every other attempt is a line of the journal, and a failed one a
-    file in failures/. After Ctrl-C, SIGTERM or SIGHUP the scene is kept as incomplete, and no other one begins. Raises
-    OSError when the journal cannot be written.
+    Whole samples that are there are not made again. With `record`, every other attempt is a line of the journal, and a
+    failed one a file in failures/. After Ctrl-C, SIGTERM or SIGHUP the scene is kept as
+    incomplete, and no other one begins. Raises OSError when the journal cannot be written.
     """
     watch, summary = watch or SweepWatcher(), Summary()
     with Interrupt() as interrupt:
         for item in scenes:
             task = item if isinstance(item, Task) else Task(item)
             with watch.scene(task) as follow:
-                attempt = run_one(task, follow)
+                attempt = run_one(task, follow, record)
             summary.add(attempt)
             watch.done(attempt)
             if summary.interrupted:
@@ -42,7 +42,7 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None) -
     return summary
 
 
-def run_one(task: Task, follow: Watcher | None = None) -> Attempt:
+def run_one(task: Task, follow: Watcher | None = None, record: bool = True) -> Attempt:
     """Run one scene as `run_all` does; after an interruption the attempt says so."""
     folder = _folder(task)
     if folder not in _cleared:
@@ -55,6 +55,8 @@ def run_one(task: Task, follow: Watcher | None = None) -> Attempt:
         outcome = Outcome("failed", reason=f"{type(error).__name__}: {error}")
         details = traceback.format_exc()
     attempt = Attempt(task, _name(task), outcome, time.perf_counter() - start)
+    if not record:
+        return attempt
     if outcome.status == "failed":
         attempt = replace(attempt, failure=str(journal.write_failure(folder, attempt, details)))
     elif outcome.finished:

@@ -48,7 +48,7 @@ class RayLauncher(Launcher):
         setup_globals()
         if not ray.is_initialized():
             ray.init(**{"include_dashboard": False, "logging_level": "warning", **self._init})
-        task = ray.remote(**self._remote)(_run)
+        task: Any = ray.remote(**self._remote)(_run)
         shared = ray.put((self._context, self._task, OmegaConf.to_container(self._config), Singleton.get_state()))
         jobs = [task.remote(shared, list(o), initial_job_idx + i) for i, o in enumerate(job_overrides)]
         results: Sequence[JobReturn] = ray.get(jobs)
