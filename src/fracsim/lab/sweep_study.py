@@ -55,7 +55,7 @@ def side_by_side(clips: int, folder: Path) -> None:
     for name, processes, threads in (("1 process, 1 thread", 1, 1), ("2 processes, 1 thread each", 2, 1),
                                      ("1 process, 2 threads", 1, 2)):  # fmt: skip
         load = os.getloadavg()[0]
-        rates[name] = rate(clips, processes, threads, folder / name.replace(" ", "_"))
+        rates[name] = rate(clips, processes, threads, folder / f"{processes}x{threads}")
         print(f"{name}: {rates[name]:.0f} clips/hour (load average before: {load:.1f})", flush=True)
     one, two, _ = rates.values()
     print(f"two single-thread processes make {two / one:.2f} times the clips of one")
