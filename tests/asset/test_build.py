@@ -70,7 +70,7 @@ def test_the_default_object_is_whole():
     assert 0.05 < particles.surface.mean() < 0.95
     assert particles.spacing == SPACING
     assert particles.X.dtype == particles.sh.dtype == np.float32
-    again = builtin.prepare(asset, SPACING, 1)
+    again = builtin.prepare(asset, SPACING, 0)
     assert np.array_equal(again.X, particles.X)
 
 

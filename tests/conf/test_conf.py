@@ -64,7 +64,7 @@ def test_a_group_is_a_field_of_the_scene_and_is_chosen_by_default() -> None:
     """One folder for each section that has choices; `seed` and `output` are single values; a draw uses up `space`."""
     assert all(SIMULATE.groups.values())
     assert {f.name for f in fields(Scene)} == {*SIMULATE.groups, "seed", "output"} - {"space"}
-    assert {f.name for f in fields(SIMULATE.config)} == {*SIMULATE.groups, "seed", "output", "draw"}
+    assert {f.name for f in fields(SIMULATE.config)} == {*SIMULATE.groups, "seed", "output", "draw", "logger"}
 
 
 def test_every_field_is_typed_documented_and_bounded() -> None:

@@ -14,8 +14,9 @@ def build(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles `spacing` [m] apart of an object with largest extent asset.size [m], bounding box centred at CENTRE.
 
     y is up, as in glTF. An OBJ or STL file drawn with z up needs asset.rotate_deg=[-90,0,0]. `seed` is for the grain
-    inside meshes and splats. Raises ValueError, with the field, the value and the way out, for an object that cannot be
-    used or needs more than asset.max_particles.
+    inside meshes and splats; above 0 it also shifts the particles of all objects but splats (`fracsim.asset.twin`).
+    Raises ValueError, with the field, the value and the way out, for an object that cannot be used or needs more than
+    asset.max_particles.
     """
     limits.check(asset, spacing)
     key = cache.key(asset, spacing, seed)

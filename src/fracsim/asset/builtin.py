@@ -7,6 +7,7 @@ import numpy as np
 
 from fracsim import registry
 from fracsim.asset import fill, gaussians, implicit, limits, place
+from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -15,15 +16,15 @@ DIFFERENCE = 0.2
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles `spacing` [m] apart of the built-in object asset.name; `seed` plays no part.
+    """Particles `spacing` [m] apart of the built-in object asset.name; a `seed` above 0 shifts them.
 
     Raises ValueError for an unknown name or too many particles.
     """
     module = registry.load("fracsim.asset.objects", asset.name, "asset.name")
-    return of_module(module, asset, spacing)
+    return of_module(module, asset, spacing, seed)
 
 
-def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
+def of_module(module: ModuleType, asset: Asset, spacing: float, seed: int = 0) -> Particles:
     """Particles `spacing` [m] apart of an object module (see `fracsim.asset.objects`); ValueError if too many."""
     R = place.rotation(asset.rotate_deg)
     placement, lo, hi = _placed(module, asset, R)
@@ -34,7 +35,8 @@ def of_module(module: ModuleType, asset: Asset, spacing: float) -> Particles:
         return d
 
     limits.estimate(asset, spacing, *implicit.measure(field, lo, hi), (lo, hi))
-    filling = fill.fill(implicit.Implicit(field, lo, hi, DIFFERENCE * spacing), spacing)
+    solid = implicit.Implicit(field, lo, hi, DIFFERENCE * spacing)
+    filling = fill.fill(twin(solid, spacing, seed), spacing)
 
     def colour(P: Array, depth: Array) -> Array:
         """sRGB (N, 3) at points of the world [m], (N, 3), `depth` [m], (N,), below the surface."""

@@ -37,10 +37,8 @@ def folder() -> Path:
 
 
 def key(asset: Asset, spacing: float, seed: int) -> str:
-    """The sha256, in hex, of all inputs of the particles of an object. A built-in object does not use `seed`."""
-    inputs = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing)}
-    if asset.kind != "builtin":
-        inputs["seed"] = seed
+    """The sha256, in hex, of all inputs of the particles of an object."""
+    inputs = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
     digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode())
     files = sorted(Path(__file__).parent.rglob("*.py"))
     if asset.kind != "builtin":

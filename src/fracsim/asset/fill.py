@@ -203,6 +203,18 @@ def _volumes(
     return volume, () if share < 0.01 else (_thin(share),)
 
 
+def volume(solid: Solid, spacing: float) -> float:
+    """The volume [m^3] that `fill` divides among the particles: exact where it is known, else that of the samples."""
+    axes = lattice(*solid.bounds, spacing)
+    d = solid.distance(axes) / spacing
+    if solid.volume is not None:
+        return solid.volume
+    cells = np.argwhere((d > -FULL) & (d < HALF_DIAGONAL))
+    chunks = (cells[start : start + CHUNK] for start in range(0, len(cells), CHUNK))
+    samples = sum(len(_samples(solid, axes, d, chunk, spacing)) for chunk in chunks)
+    return float((d <= -FULL).sum() + samples / SAMPLES**3) * spacing**3
+
+
 def _thin(share: float) -> str:
     return f"{share:.0%} of the volume is too thin for the particle spacing: raise solver.cells or asset.size."
 

@@ -19,6 +19,7 @@ from fracsim.asset import fill, gaussians, limits, paint, place, weld
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
 from fracsim.asset.surface import Surface, read
+from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -32,9 +33,10 @@ SEAMS = "The mesh is not watertight as stored; welding vertices at equal positio
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles `spacing` [m] apart of the mesh file asset.path; raises ValueError if it cannot be used."""
-    solid = MeshSolid(_placed(read(asset.path), asset), spacing)
+    surface = _placed(read(asset.path), asset)
+    solid = MeshSolid(surface, spacing)
     limits.estimate(asset, spacing, *solid.mesh.rough, solid.bounds)
-    filling = fill.fill(solid, spacing)
+    filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(surface, spacing)), spacing)
     if not len(filling.X):
         raise ValueError(
             f"asset.path={asset.path} encloses no volume: a solid needs a closed, or nearly closed, surface. "

@@ -4,9 +4,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.util import find_spec
 
-COMMANDS = ("plan", "index", "verify", "retry", "card", "export", "sheet")
+COMMANDS = ("plan", "index", "verify", "retry", "card", "consistency", "export", "sheet")
 """Modules of fracsim.dataset with `add(subparsers)`, which sets the function to run as default `run`."""
 BAD, INTERRUPTED = 2, 130
 """Exit statuses, beside 1 for a data set with something wrong."""
@@ -17,8 +16,7 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(prog="python -m fracsim.dataset", description=__doc__)
     subparsers = out.add_subparsers(metavar="COMMAND", required=True)
     for name in COMMANDS:
-        if find_spec(f"fracsim.dataset.{name}"):
-            import_module(f"fracsim.dataset.{name}").add(subparsers)
+        import_module(f"fracsim.dataset.{name}").add(subparsers)
     return out
 
 

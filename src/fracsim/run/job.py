@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fracsim.run import journal, lines
+from fracsim.run import journal, lines, logger
 from fracsim.run.attempt import Summary, Task
 from fracsim.run.sweep import run_all
 from fracsim.scene.program import SIMULATE
@@ -24,7 +24,8 @@ def run(cfg: Any) -> Summary:
     overrides: Any = OmegaConf.to_container(hydra.overrides.task, resolve=False)
     todo = tasks(cfg, overrides)
     if hydra.mode == RunMode.MULTIRUN or len(todo) > 1:
-        summary = run_all(_resolved(todo), _lines(hydra, cfg, len(todo)))
+        shown = _lines(hydra, cfg, len(todo))
+        summary = run_all(_resolved(todo), logger.Logged(shown, _logger(hydra, cfg, len(todo))))
     else:
         summary = run_all(_resolved(todo), lines.One(), record=False)
     RESULTS.append(summary)
@@ -69,6 +70,14 @@ def _resolved(todo: Sequence[tuple[Any, tuple[str, ...]]]) -> Iterator[Task]:
             except OmegaConfBaseException:
                 content = OmegaConf.to_container(cfg, resolve=False)
             yield Task(None, overrides, str(error), content)
+
+
+def _logger(hydra: Any, cfg: Any, scenes: int) -> logger.Logger:
+    """The logger of this process, under the name of the sweep; only without workers does it see the whole sweep."""
+    choices, given = hydra.runtime.choices, hydra.sweeper.get("job")
+    total = (given or {}).get("total") or scenes
+    alone = choices["hydra/launcher"] == "basic"
+    return logger.shared(cfg.logger, cfg.output.folder, choices.get("sweep") or "sweep", total if alone else None)
 
 
 def _lines(hydra: Any, cfg: Any, scenes: int) -> lines.Lines:

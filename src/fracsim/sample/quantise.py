@@ -30,4 +30,7 @@ def dequantise(codes: Array, lo: float, hi: float) -> Array:
     if hi <= lo:
         return np.zeros(codes.shape, np.float32)
     step = (hi - lo) / LEVELS
-    return np.asarray((codes.astype(np.int32) - round(-lo / step)) * np.float32(step), np.float32)
+    values = codes.astype(np.float32)
+    values -= np.float32(round(-lo / step))  # exact, for both are whole numbers below 2^24
+    values *= np.float32(step)
+    return values

@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.sample import schema
+from fracsim.sample import chunked, schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
 from fracsim.sample.quantise import LEVELS, dequantise
@@ -120,20 +120,45 @@ class Sample:
         Decodes these frames only and keeps nothing. Raises ValueError for a range that is empty or not within
         0 .. frames, for what was not recorded, and for damage within the range.
         """
+        codes = self.stored(what, start, stop)
+        if what == "rgb":
+            return codes
+        if what == "alpha":
+            return np.asarray(codes / np.float32(LEVELS))
+        ranges = self.meta["ranges"][what][start:stop]
+        count, channels, height, width = codes.shape
+        values = np.empty((count, height, width, channels), np.float32)
+        for k, c in np.ndindex(count, channels):
+            values[k, ..., c] = dequantise(codes[k, c], *ranges[k][c])
+        return values
+
+    def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
+        """As `read`, but as it lies on disk: "rgb" uint8 [T, H, W, 3], "alpha" uint16 [T, H, W], maps [T, C, H, W].
+
+        Coverage is code / 65535, a map is lo + code / 65535 (hi - lo); meta["ranges"][what][frame][channel] is lo, hi.
+        """
         stop = self.frames if stop is None else stop
         if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
             raise ValueError(f"frames {start} to {stop} of {what} cannot be read: {self.path} has frames 0 to "
                              f"{self.frames}, and start must be below stop.")  # fmt: skip
-        if what in self.meta["maps"]:
-            return self._map(what, start, stop)
-        if what not in ("rgb", "alpha"):
+        if what not in ("rgb", "alpha", *self.meta["maps"]):
             known = [name for name in ("rgb", "alpha") if self.meta[name]] + list(self.meta["maps"])
             raise ValueError(f"{what} was not recorded in {self.path}: read one of {', '.join(known) or 'nothing'}.")
-        if not self.meta[what]:
+        if what in ("rgb", "alpha") and not self.meta[what]:
             raise ValueError(f"{self.path} has no {what}: {self._why_without(what)}.")
+        return self._stored(what, start, stop)
+
+    def _stored(self, what: str, start: int, stop: int) -> Array:
+        """Frames start .. stop - 1 of what is there, decoded."""
+        if self.meta.get("storage") == chunked.STORAGE:
+            return chunked.read(self._file(chunked.file(what)), start, stop)
         if what == "rgb":
             return self._decode(schema.RGB, "rgb", start, stop)
-        return np.asarray(self._decode(schema.ALPHA, "gray16", start, stop) / np.float32(LEVELS))
+        if what == "alpha":
+            return self._decode(schema.ALPHA, "gray16", start, stop)
+        channels = self.meta["maps"][what]["channels"]
+        codes = self._decode(schema.map_file(what), "gray16", start, stop, channels)
+        return codes.reshape(len(codes), channels, -1, codes.shape[-1])
 
     @cached_property
     def tracks(self) -> Tracks:
@@ -151,15 +176,6 @@ class Sample:
         if self.producer != FRACSIM:
             return f"{self.producer} did not record it"
         return "it was made with capture.rgb=false" + (" and capture.maps=[]" if what == "alpha" else "")
-
-    def _map(self, name: str, start: int, stop: int) -> Array:
-        channels, ranges = self.meta["maps"][name]["channels"], self.meta["ranges"][name][start:stop]
-        codes = self._decode(schema.map_file(name), "gray16", start, stop, channels)
-        planes = codes.reshape(len(codes), channels, -1, codes.shape[-1])
-        values = np.empty((len(codes), *planes.shape[2:], channels), np.float32)
-        for k, c in np.ndindex(len(codes), channels):
-            values[k, ..., c] = dequantise(planes[k, c], *ranges[k][c])
-        return values
 
     def _decode(self, name: str, codec: str, start: int, stop: int, stacked: int = 1) -> Array:
         width, height = self.meta["size"]

@@ -1,15 +1,18 @@
-"""Streams of frames to video files and back, through the ffmpeg that imageio-ffmpeg ships.
+"""Streams of frames to video files and back, through the ffmpeg that imageio-ffmpeg ships, or PyAV if it is installed.
 
 The processes are run here, not by imageio_ffmpeg.write_frames, which hides the exit status of the encoder: a full disk
 would pass for a finished file.
 """
 
+import os
 import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
 from io import BufferedReader
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +23,8 @@ from imageio_ffmpeg import get_ffmpeg_exe
 
 from fracsim.records import Array
 
+DECODER = "FRACSIM_DECODER"
+"""Environment variable that may be `ffmpeg`: then PyAV is not used."""
 FPS = 25
 """Playback rate of every file: slow motion for people, and whole milliseconds in Matroska. Times are in meta.json."""
 # FFV1 version 3: intra only, a CRC a slice. One cluster a frame, flushed, so that a killed encoder leaves whole frames.
@@ -84,14 +89,31 @@ class Encoder:
 def decode(path: Path, width: int, height: int, codec: str, start: int, stop: int) -> Array:
     """Frames start .. stop - 1, or those before the first damaged one, [T, height, width(, 3)].
 
-    uint8 for codec "rgb", uint16 for "gray16". Files are intra-only, so no other frame is decoded.
+    uint8 for codec "rgb", uint16 for "gray16". Files are intra-only, so no other frame is decoded. PyAV reads FFV1
+    where it is installed, unless the environment says FRACSIM_DECODER=ffmpeg.
     """
     tail, dtype = _SHAPES[codec]
     out = np.empty((stop - start, height, width, *tail), dtype)
     if start >= stop:
         return out
+    if os.environ.get(DECODER) != "ffmpeg" and _has_pyav():
+        from fracsim.sample import pyav  # here, because PyAV is not always there
+
+        done = pyav.decode(path, out, start, FPS)
+        if done is not None:
+            return out[:done]
+    return out[: _decode(path, out, start, codec)]
+
+
+@cache
+def _has_pyav() -> bool:
+    return find_spec("av") is not None
+
+
+def _decode(path: Path, out: Array, start: int, codec: str) -> int:
+    """Fill `out` with frames from `start` on through ffmpeg, and return how many come before the first damaged one."""
     # At a constant rate frame k begins at k / FPS, a whole number of milliseconds.
-    options = ("-frames:v", str(stop - start), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
+    options = ("-frames:v", str(len(out)), "-f", "rawvideo", "-pix_fmt", CODECS[codec][0], "-")
     command = _reading(path, start / FPS, *options)
     with (
         tempfile.TemporaryFile() as errors,
@@ -102,7 +124,7 @@ def decode(path: Path, width: int, height: int, codec: str, start: int, stop: in
         stream.close()  # ffmpeg must not wait for a reader
         process.wait()
         errors.seek(0)
-        return out[: min(received // out[0].nbytes, _intact(errors.read()))]
+        return min(int(received // out[0].nbytes), _intact(errors.read()))
 
 
 def count(path: Path) -> int:

@@ -80,7 +80,7 @@ class Program(Generic[T]):
 
         lines = (self.folder / f"{self.primary}.yaml").read_text(encoding="utf-8").splitlines()
         about = "\n".join(line[2:] for line in takewhile(lambda line: line.startswith("#"), lines))
-        values = OmegaConf.to_container(self._composed(()), resolve=True)
+        values = OmegaConf.to_container(self.composed(()), resolve=True)
         more = {name: self._choices(name) for name in self.optional}
         return manual(about, self.noun, self.groups, self.config, values, more)
 
@@ -89,7 +89,7 @@ class Program(Generic[T]):
 
         Raises ValueError naming the override that cannot be used.
         """
-        return self.resolve(self._composed(overrides), overrides)
+        return self.resolve(self.composed(overrides), overrides)
 
     def resolve(self, cfg: Any, overrides: Sequence[str] = ()) -> T:
         """The validated object of a configuration composed with `overrides`; `draw` and `space` are used up.
@@ -119,8 +119,8 @@ class Program(Generic[T]):
         """The files of a group, sorted."""
         return tuple(sorted(p.stem for p in (self.folder / group).glob("*.yaml")))
 
-    def _composed(self, overrides: Sequence[str]) -> Any:
-        """The configuration as Hydra composes it; raises ValueError."""
+    def composed(self, overrides: Sequence[str], *, hydra: bool = False) -> Any:
+        """The configuration as Hydra composes it, with Hydra's own part on request; raises ValueError."""
         from hydra import compose, initialize_config_dir
         from hydra.errors import HydraException
 
@@ -128,7 +128,7 @@ class Program(Generic[T]):
             self.register()
             with initialize_config_dir(str(self.folder), version_base="1.3"):
                 try:
-                    return compose(self.primary, overrides=list(overrides))
+                    return compose(self.primary, overrides=list(overrides), return_hydra_config=hydra)
                 except (HydraException, ValueError) as error:
                     raise ValueError(self.explain(error, overrides)) from None
 

@@ -55,12 +55,14 @@ class Space:
 
 @dataclass(kw_only=True)
 class Draw:
-    """What a configuration may hold beside its schema: one draw of a parameter table."""
+    """What a configuration may hold beside its schema: one draw of a parameter table, and what follows a multirun."""
 
     # A list on the command line, which is a scene for each; one number here.
     draw: Any = knob(-1, "row of the parameter table `space`, from 0: sets the fields of the table, except those given "
                      "as FIELD=VALUE; -1 = no draw; a list of rows is a scene for each", least=-1)  # fmt: skip
     space: Space = field(default_factory=Space)
+    logger: str = knob("csv", "what follows a multirun clip by clip: a table in the folder multirun, this and wandb, "
+                       "or nothing", choices=("none", "csv", "wandb"))  # fmt: skip
 
     def __post_init__(self) -> None:
         if type(self.draw) is not int:
@@ -126,11 +128,11 @@ def _uses(row: Row, uses: "Counter[Any]") -> Row:
 
 
 def take(content: dict[str, Any], given: Collection[str]) -> dict[str, Any]:
-    """Remove `draw` and `space` from the content of a configuration and set the drawn fields, save those `given`.
+    """Remove what is no field of a scene from the content of a configuration; set the drawn fields, save those `given`.
 
     Returns the fields set. Raises ValueError when draw or space are not allowed.
     """
-    found = {key: content.pop(key) for key in ("draw", "space") if key in content}
+    found = {key: content.pop(key) for key in ("draw", "space", "logger") if key in content}
     if found.get("draw", -1) == -1:
         return {}
     drawn = Draw(draw=found["draw"], space=Space(**found.get("space", {})))
