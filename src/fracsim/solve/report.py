@@ -9,9 +9,11 @@ import numpy as np
 from fracsim.mpm import params as slot
 from fracsim.mpm.medium import Medium
 from fracsim.records import Array, Frame, Particles
-from fracsim.sample.health import CRUSHED
 from fracsim.scene.vocab import CENTRE, Scene
 
+CRUSHED = 1e-5
+"""Warn above this fraction of crushed particle-substeps. At a crack some particles are crushed that have nearly failed;
+the report has the count in any case."""
 TEARING = 0.9
 """In `updated` the grid lets go of particles that are this many cells apart, whatever their damage."""
 
