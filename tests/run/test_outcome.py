@@ -34,10 +34,10 @@ def report(**changes: Any) -> dict[str, Any]:
         ({"energy": {"unaccounted": -0.71}}, "suspect", "energy unaccounted: -0.71 J of 14 J of work"),
         ({"energy": {"unaccounted": math.nan}}, "suspect", "energy unaccounted: nan J of 14 J of work"),
         ({"energy": {"unaccounted": None}}, "suspect", "energy unaccounted: nan J of 14 J of work"),  # of meta.json
-        # 1e-5 of all substeps of all particles.
-        ({"clamped": 1}, "complete", ""),
-        ({"clamped": 2}, "suspect", "J < 0.05 in 0.002 % of all substeps of all particles"),
-        ({"clamped": 2, "torn_frame": 1}, "suspect", "numerically torn at frame 1; J < 0.05 in 0.002 % of all "
+        # 1e-3 of all substeps of all particles.
+        ({"clamped": 100}, "complete", ""),
+        ({"clamped": 200}, "suspect", "J < 0.05 in 0.2 % of all substeps of all particles"),
+        ({"clamped": 200, "torn_frame": 1}, "suspect", "numerically torn at frame 1; J < 0.05 in 0.2 % of all "
                                                      "substeps of all particles"),
         ({"substeps": 0, "break_frame": None}, "never breaks", ""),
     ],
