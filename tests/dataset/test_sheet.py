@@ -9,7 +9,7 @@ from imageio_ffmpeg import get_ffmpeg_exe
 from PIL import Image
 
 from fracsim import Camera, Capture, Fracture, Output, Scene
-from fracsim.dataset import sheet
+from fracsim.dataset import cells, sheet
 from fracsim.dataset.__main__ import main
 from fracsim.sample import Writer, header_of
 
@@ -45,7 +45,7 @@ def folder(tmp_path_factory):
 
 def _sheet(folder, **options):
     by = "fracture.onset", "fracture.crit"
-    return sheet.Sheet(by, sheet.collect(folder, by, {}), **options)
+    return sheet.Sheet(by, cells.collect(folder, by, {}), **options)
 
 
 def test_cells_hold_the_clips_of_their_values(folder):
@@ -115,8 +115,8 @@ def test_a_bad_word_is_one_clear_error(folder, capsys, arguments, message):
 
 def test_only_leaves_out_other_clips(folder):
     by = "fracture.onset", "fracture.crit"
-    assert set(sheet.collect(folder, by, {"fracture.crit": "4"})) == {(1.0, 4.0), (1.5, 4.0)}
-    assert sheet.collect(folder, by, {"seed": "1"})[1.0, 3.0].count == 1
+    assert set(cells.collect(folder, by, {"fracture.crit": "4"})) == {(1.0, 4.0), (1.5, 4.0)}
+    assert cells.collect(folder, by, {"seed": "1"})[1.0, 3.0].count == 1
 
 
 def test_too_many_values_are_refused(folder):
