@@ -25,8 +25,8 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, r
     """Run scenes, write their samples, and count what came of them; prints nothing.
 
     Whole samples that are there are not made again. With `record`, every other attempt is a line of the journal, and a
-    failed one a file in failures/. After Ctrl-C, SIGTERM or SIGHUP the scene is kept as
-    incomplete, and no other one begins. Raises OSError when the journal cannot be written.
+    failed one a file in failures/. After Ctrl-C, SIGTERM or SIGHUP the scene is kept as incomplete, and no other one
+    begins. Raises OSError when the journal cannot be written.
     """
     watch, summary = watch or SweepWatcher(), Summary()
     with Interrupt() as interrupt:
