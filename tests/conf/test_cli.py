@@ -16,6 +16,7 @@ from fracsim import Scene, __main__, compose, registry, sample
 from fracsim.asset import ply
 from fracsim.run import console, pipeline
 from fracsim.scene.knob import describe
+from fracsim.scene.program import SIMULATE
 from tests.command import SMALL, fracsim_command, samples
 
 ROOT = Path(__file__).parents[2]
@@ -162,8 +163,9 @@ def test_help_names_every_field_value_range_and_group() -> None:
         assert f"{{{knob.allowed()}}}" in said or not knob.allowed(), name
     for package in ("fracsim.asset.objects", "fracsim.constitutive", "fracsim.damage", "fracsim.maps"):
         assert f"{{{' | '.join(registry.names(package))}}}" in said
-    for file in (ROOT / "conf").glob("*/*.yaml"):
-        assert re.search(rf"\b{file.parent.name} [\w, ]*\b{file.stem}\b", said), file
+    for group in (*SIMULATE.groups, *SIMULATE.optional):
+        for file in (ROOT / "conf" / group).glob("*.yaml"):
+            assert re.search(rf"\b{group} [\w, ]*\b{file.stem}\b", said), file
     assert "$" not in said
     assert "material.viscosity=44.444444 " in said  # that of the default scene, not of the bare schema
     assert max(map(len, done.stdout.splitlines())) <= 100  # COLUMNS of these tests

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from fracsim.run.interrupt import Interrupt
+from fracsim.entry.interrupt import Interrupt
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

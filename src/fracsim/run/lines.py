@@ -1,6 +1,5 @@
 """The terminal during a sweep: one line a clip, and totals at the end."""
 
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -9,16 +8,12 @@ from typing import Any
 
 from rich.markup import escape
 
+from fracsim.entry import complain
 from fracsim.run import console
 from fracsim.run.attempt import MADE, Attempt, Summary, Task
 from fracsim.run.journal import Follower
 from fracsim.run.outcome import Outcome
 from fracsim.run.watcher import SweepWatcher, Watcher
-
-
-def complain(message: str) -> None:
-    """Print one clear error."""
-    print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
 
 
 class One(SweepWatcher):

@@ -6,9 +6,9 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.asset.build import build
+from fracsim.entry.interrupt import Interrupt
 from fracsim.records import Frame, Particles
 from fracsim.render.film import Film
-from fracsim.run.interrupt import Interrupt
 from fracsim.run.outcome import Outcome, health
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.run.watcher import Watcher

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from fracsim.entry.interrupt import Interrupt
 from fracsim.run import journal
 from fracsim.run.attempt import Attempt, Summary, Task
-from fracsim.run.interrupt import Interrupt
 from fracsim.run.outcome import Outcome
 from fracsim.run.watcher import SweepWatcher, Watcher
 from fracsim.sample import scene_id
