@@ -1,0 +1,1 @@
+"""From a data set of clips to batches of latents: encoded once, read without VAE and encoders."""
