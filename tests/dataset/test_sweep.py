@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from fracsim import Scene, compose, sample
 from fracsim.lab import kill_study
-from fracsim.run import journal, lines, pipeline, sweep
+from fracsim.run import journal, lines, pipeline
 from fracsim.run.attempt import Attempt, Summary, Task
 from fracsim.run.outcome import Outcome
 from fracsim.sample import folder as folders
-from fracsim.sample.schema import load_scene
 from fracsim.scene.program import SIMULATE
 from hydra_plugins.hydra_fracsim.draws import choices, chunks, split
 from tests.command import SMALL, fracsim_command, samples, start
@@ -98,52 +96,6 @@ def test_each_ready_sweep_names_scenes(name: str) -> None:
     assert len(set(ids)) == len(ids)
     if name == "table2":
         assert sum(len(re.findall(r"\d+", of_user(job)[-1])) for job in made) == 7020
-
-
-# What a failure leaves.
-
-
-def test_an_exception_in_one_draw_does_not_stop_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Journal, scene and traceback are kept; the file goes when the scene succeeds."""
-    good, bad = (compose(*SMALL, f"seed={seed}", f"output.folder={tmp_path}") for seed in (1, 2))
-    run = pipeline.run
-
-    def faulty(scene: Scene, watch: Any) -> Outcome:
-        if scene.seed == 2:
-            raise ZeroDivisionError("a fault of the program")
-        return Outcome("complete", tmp_path, report={"break_frame": 3}, seconds={"simulate": 1.0}, frames=4)
-
-    monkeypatch.setattr(pipeline, "run", faulty)
-    summary = sweep.run_all([bad, Task(None, ("asset=bread", "material.E=1"), "material.E=1 is not allowed"), good])
-    assert (summary.failed, summary.made, summary.counts.total()) == (2, 1, 3)
-    entries = {entry["id"]: entry for entry in journal.read(tmp_path)}
-    assert set(entries) == {sample.scene_id(good), sample.scene_id(bad)}
-    assert entries[sample.scene_id(bad)]["reason"] == "ZeroDivisionError: a fault of the program"
-    assert set(entries[sample.scene_id(good)]) == {"id", "status", "reason", "seconds", "wall", "host", "pid", "at",
-                                                   "overrides"}  # fmt: skip
-    (file,) = (tmp_path / "failures").iterdir()
-    assert file.name == f"{sample.scene_id(bad)}.yaml"
-    assert file.read_text().startswith("# ZeroDivisionError: a fault of the program\n# Traceback")
-    assert asdict(load_scene(file)) == asdict(bad)
-    monkeypatch.setattr(pipeline, "run", lambda *_: faulty(good, None))
-    assert sweep.run_all([load_scene(file)]).made == 1
-    assert not list((tmp_path / "failures").iterdir())
-    monkeypatch.setattr(pipeline, "run", run)
-
-
-def test_a_journal_that_cannot_be_written_stops_the_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "sweep.jsonl").mkdir()
-    monkeypatch.setattr(pipeline, "run", lambda *_: Outcome("complete"))
-    with pytest.raises(OSError, match="directory"):
-        sweep.run_all([compose(*SMALL, f"output.folder={tmp_path}")] * 2)
-
-
-def test_torn_lines_of_a_journal_are_passed_over(tmp_path: Path) -> None:
-    assert journal.read(tmp_path) == []
-    (tmp_path / "sweep.jsonl").write_text('{"id": "a"}\n{"id": "b", "sta\n{"id": "c"}\n')
-    assert [entry["id"] for entry in journal.read(tmp_path)] == ["a", "c"]
-    follower = journal.Follower(tmp_path, len('{"id": "a"}\n'))
-    assert (follower.count(), follower.count()) == (2, 2)
 
 
 # Leftovers, and two workers on one draw.
