@@ -38,3 +38,8 @@ def __getattr__(name: str) -> Any:
 
         return compose
     raise AttributeError(f"module 'fracsim' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names, also those that are imported when first used."""
+    return list(__all__)

@@ -56,6 +56,7 @@ class TrainConfig:
 def folder(tmp_path: Path) -> Path:
     """A copy of conf/ with the files of a second program."""
     shutil.copytree(SIMULATE.folder, tmp_path / "conf")
+    shutil.rmtree(tmp_path / "conf" / "model")
     for name, text in FILES.items():
         (tmp_path / "conf" / name).parent.mkdir(exist_ok=True)
         (tmp_path / "conf" / name).write_text(text)

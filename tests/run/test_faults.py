@@ -108,7 +108,7 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
         ("fracture.law=jelly", "fracture.law=jelly|choose one of stretch"),
         ("capture.maps=[heat]", "capture.maps=heat|damage, flow, strain, stress"),
         ("capture.maps=[flow,flow]", "capture.maps=['flow', 'flow']|name each once"),
-        ("asset.interior=red", "asset.interior=red|#rrggbb"),
+        ("asset=mesh asset.path=gone.glb asset.interior=red", "asset.interior=red|#rrggbb"),
         ("asset=mesh", "asset.path is empty|asset.path=FILE"),
         ("asset=mesh asset.path=gone.glb", "asset.path=gone.glb|No such file"),
         ("asset.max_particles=50", "asset.max_particles=50|lower solver.cells"),

@@ -114,3 +114,26 @@ def test_a_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     for frame in run.frames():
         run.render(frame)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_second_call_of_frames_begins_at_rest() -> None:
+    """Also when the first one was not run to its end; equal frames, bit for bit with one thread."""
+    run = fracsim.Run(fracsim.compose("asset=bar", *SMALL, "backend.threads=1"))
+    first = [(frame.t, frame.x.copy()) for frame in run.frames()]
+    half = iter(run.frames())
+    next(half), next(half)
+    again = [(frame.t, frame.x.copy()) for frame in run.frames()]
+    assert [t for t, _ in again] == [t for t, _ in first]
+    for (_, x), (_, y) in zip(first, again, strict=True):
+        assert np.array_equal(x, y)
+    assert len(run.report.history.t) == len(first)
+
+
+def test_a_quantity_of_another_shape_is_refused(film: list[tuple[fracsim.Run, Frame]]) -> None:
+    run, frame = film[0]
+    with pytest.raises(ValueError, match=rf"quantity has shape \(3,\), but .*: \({len(frame.x)},\) or "):
+        run.render(frame, frame.J[:3])
+
+
+def test_dir_lists_what_the_pages_use() -> None:
+    assert {"Run", "compose", "Scene"} <= set(dir(fracsim))

@@ -10,6 +10,7 @@ os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
 from fracsim.entry.interrupt import Interrupt
 from fracsim.scene.program import Program
+from fracsim.version import __version__
 
 BAD, INTERRUPTED = 2, 130
 """Exit statuses."""
@@ -28,6 +29,9 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     """
     from hydra.errors import HydraException
 
+    if "--version" in sys.argv[1:]:
+        print(f"{program.name} {__version__}")  # Hydra would print its own
+        return
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
     rest = [a for a in sys.argv[1:] if a not in multirun]
     overrides = [a for a in rest if "=" in a]
@@ -40,7 +44,7 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
                 program.register(with_help=bool({"-h", "--help"} & set(rest)))
                 run()
     except (HydraException, ValueError) as error:
-        complain(program.explain(error, overrides))
+        complain(program.explain(error, overrides) if _of_hydra(error) else str(error))
         sys.exit(BAD)
     except KeyboardInterrupt:
         print(f"interrupted: {resume}", file=sys.stderr)
@@ -50,6 +54,15 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     except OSError as error:
         complain(f"{error}: free some space or set output.folder to a folder you may write to, then repeat the command")
         sys.exit(BAD)
+
+
+def _of_hydra(error: BaseException) -> bool:
+    """Whether Hydra or OmegaConf raised an error; ours say what to do."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    raised_in = str(trace.tb_frame.f_globals.get("__name__")) if trace is not None else ""
+    return raised_in.partition(".")[0] in ("hydra", "omegaconf")
 
 
 def _show(program: Program[Any], overrides: Sequence[str]) -> None:

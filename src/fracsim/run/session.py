@@ -24,11 +24,16 @@ class Run:
     def __init__(self, scene: Scene) -> None:
         backend.start(scene.backend)
         check_names(scene)
-        prepared = ready(scene)
         self.scene = scene
-        particles = build(scene.asset, scene.solver.spacing, scene.seed)
-        self._simulator = Simulator(scene, particles, prepared=prepared)
+        self._prepared = ready(scene)
+        self._object = build(scene.asset, scene.solver.spacing, scene.seed)
+        self._simulator = self._at_rest()
+        self._started = False
         self._film = Film(scene)
+
+    def _at_rest(self) -> Simulator:
+        """A simulator that has not begun."""
+        return Simulator(self.scene, self._object, prepared=self._prepared)
 
     @property
     def particles(self) -> Particles:
@@ -41,14 +46,23 @@ class Run:
         return self._simulator.report
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frame 0 (the rest state), 1, 2, ...; raises SimulationError where the simulation fails."""
+        """Yield frame 0 (the rest state), 1, 2, ...; raises SimulationError where the simulation fails.
+
+        Each call begins at rest; an iterator of an earlier call must not be used any more.
+        """
+        if self._started:
+            self._simulator = self._at_rest()
+        self._started = True
         yield from self._simulator.frames()
 
     def render(self, frame: Frame, quantity: Array | None = None) -> tuple[Array, Array]:
         """A picture (H, W, C) float32 of a quantity a particle, (N,) or (N, C), on zero; and its alpha (H, W).
 
-        Without a quantity, the colour of the object, premultiplied by alpha.
+        Without a quantity, the colour of the object, premultiplied by alpha. Raises ValueError for another shape.
         """
+        if quantity is not None and (np.ndim(quantity) not in (1, 2) or len(quantity) != len(frame.x)):
+            raise ValueError(f"render: quantity has shape {np.shape(quantity)}, but a value a particle is wanted: "
+                             f"({len(frame.x)},) or ({len(frame.x)}, C).")  # fmt: skip
         values = self._film.colours(frame, self.particles) if quantity is None else np.asarray(quantity, np.float32)
         features = values[:, None] if values.ndim == 1 else values
         image, alpha, _ = self._film.splat(frame, self.particles, features)

@@ -1,7 +1,7 @@
 """Programs that are configured by the YAML files in conf/: from files and the command line to a validated object."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, make_dataclass
 from functools import cached_property
@@ -9,7 +9,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from fracsim.scene import explain, space
+from fracsim.scene import effect, explain, space
 from fracsim.scene.knob import check_names, text
 from fracsim.scene.manual import manual
 from fracsim.scene.vocab import Scene
@@ -41,6 +41,8 @@ class Program(Generic[T]):
     folder: Path = conf()
     optional: tuple[str, ...] = ()
     """Groups that are not in the defaults list: chosen by +GROUP=CHOICE."""
+    check: Callable[[T, Collection[str]], None] | None = None
+    """Raises ValueError for an object with fields, set by hand, that do not go together."""
 
     @property
     def noun(self) -> str:
@@ -99,16 +101,19 @@ class Program(Generic[T]):
         from omegaconf import OmegaConf
         from omegaconf.errors import OmegaConfBaseException
 
+        given = explain.fields(overrides)
         try:
             # Composing lets +key=value pass; merging into the schema does not.
             content: Any = OmegaConf.to_container(cfg, resolve=True)
-            drawn = space.take(content, explain.fields(overrides)) if "space" in self.groups else {}
+            drawn = space.take(content, given) if "space" in self.groups else {}
             overrides = [*overrides, *(f"{field}={text(value)}" for field, value in drawn.items())]
             out = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(self.schema), content))
         except OmegaConfBaseException as error:
             raise ValueError(self.explain(error, overrides)) from None
         assert isinstance(out, self.schema)
         check_names(out)
+        if self.check is not None:
+            self.check(out, given)
         return out
 
     def explain(self, error: Exception, overrides: Sequence[str]) -> str:
@@ -155,6 +160,6 @@ def _hydra_alone() -> Iterator[None]:
         VersionBase.instance().version_base = base
 
 
-SIMULATE: Program[Scene] = Program("fracsim", "simulate", Scene, optional=("sweep",))
+SIMULATE: Program[Scene] = Program("fracsim", "simulate", Scene, optional=("sweep",), check=effect.check)
 """`python -m fracsim`."""
 compose = SIMULATE.compose

@@ -39,6 +39,9 @@ class Asset:
         self.path = os.path.expanduser(self.path)
         if self.kind != "builtin" and not self.path:
             raise ValueError(f"asset.path is empty but asset.kind={self.kind} needs a file: set asset.path=FILE.")
+        if self.kind == "builtin" and self.path:
+            raise ValueError(f"asset.path={self.path} has no effect with the built-in {self.name}: set asset=mesh for "
+                             "a mesh, asset=ply for trained splats, or leave it out.")  # fmt: skip
 
 
 @dataclass(kw_only=True)
