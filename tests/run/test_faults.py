@@ -108,7 +108,6 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
         ("fracture.law=jelly", "fracture.law=jelly|choose one of stretch"),
         ("capture.maps=[heat]", "capture.maps=heat|damage, flow, strain, stress"),
         ("capture.maps=[flow,flow]", "capture.maps=['flow', 'flow']|name each once"),
-        ("asset=mesh asset.path=gone.glb asset.interior=red", "asset.interior=red|#rrggbb"),
         ("asset=mesh", "asset.path is empty|asset.path=FILE"),
         ("asset=mesh asset.path=gone.glb", "asset.path=gone.glb|No such file"),
         ("asset.max_particles=50", "asset.max_particles=50|lower solver.cells"),
@@ -135,6 +134,8 @@ def test_bad_meshes_name_the_file(tmp_path: Path, complain: Any) -> None:
         words(complain("asset=mesh", f"asset.path={files[name]}"), f"asset.path={files[name]}", word)
     huge = complain("asset=mesh", f"asset.path={files['ball.obj']}", "asset.max_particles=100")
     words(huge, "asset.max_particles=100", "particles", "lower solver.cells or asset.size")
+    red = complain("asset=mesh", f"asset.path={files['ball.obj']}", "asset.interior=red")
+    words(red, "asset.interior=red", "#rrggbb")
 
 
 def test_a_ply_that_is_no_checkpoint_is_refused(tmp_path: Path, complain: Any) -> None:
