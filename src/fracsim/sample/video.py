@@ -51,8 +51,12 @@ class Encoder:
         command = [get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", pixels,
                    "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", *options, str(path)]  # fmt: skip
         # A session of its own: Ctrl-C at the terminal must not end the encoder before its last frame.
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                                         stderr=self._errors, start_new_session=True)  # fmt: skip
+        try:
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                                             stderr=self._errors, start_new_session=True)  # fmt: skip
+        except (FileNotFoundError, PermissionError) as error:
+            raise ValueError(f"ffmpeg cannot be started as {command[0]} ({error.strerror}): unset "
+                             "IMAGEIO_FFMPEG_EXE, or set it to an ffmpeg that runs.") from None  # fmt: skip
 
     def write(self, frame: Array) -> None:
         """Append a frame, (height, width) or (height, width, 3); raises OSError when the encoder has ended."""
