@@ -9,9 +9,15 @@ import numpy as np
 from fracsim.records import Array
 
 _ARCS = (15, 6, 4, 11, 13, 6)
-"""Steps of the Middlebury wheel from red to yellow, green, cyan, blue, magenta and back to red."""
-_KNOTS = 2 * np.pi * np.cumsum((0, *_ARCS)) / sum(_ARCS)
-"""Direction at which each of these colours lies, clockwise from image right [rad], (7,)."""
+"""Steps of the Middlebury wheel from red to yellow, green, cyan, blue, magenta and back to red: 55 colours."""
+_KNOTS = 2 * np.pi * np.cumsum((0, *_ARCS)) / (sum(_ARCS) - 1)
+"""Direction at which each of these colours lies, clockwise from image right [rad], (7,).
+
+A turn has 54 steps in the original, from its first colour to its last one. So the wheel has a seam at image right,
+where the last colour, (255, 0, 42), meets the first one, red; and the last knot lies beyond a turn.
+"""
+_SEAM = 1e-4
+"""Directions this close above image right [rad] count as image right, so that rounding does not cross the seam."""
 _CORNERS = np.arange(7.0)
 
 
@@ -41,7 +47,7 @@ def decode(video: Array, scale: float, channels: int) -> Array:
     if channels == 1:
         return np.asarray(video.mean(axis=-1, keepdims=True) * scale, dtype=np.float32)
     magnitude = np.clip(video.max(axis=-1), 0, 1) * scale
-    angle = np.interp(_sextant(video), _CORNERS, _KNOTS)
+    angle = np.minimum(np.interp(_sextant(video), _CORNERS, _KNOTS), 2 * np.pi)
     return np.stack([magnitude * np.cos(angle), -magnitude * np.sin(angle)], axis=-1).astype(np.float32)
 
 
@@ -56,9 +62,9 @@ def _check(scale: float, channels: int) -> None:
 
 def _hue(vector: Array) -> Array:
     """Fully saturated colour of the direction of (right, up) vectors [..., 2], [..., 3]; its largest part is 1."""
-    # arctan2(-0.0, -x) is -pi where arctan2(0.0, -x) is pi, and tiny negative angles round to 2 pi in the modulus:
-    # harmless, because the wheel is periodic and closed, red at both ends.
+    # arctan2(-0.0, -x) is -pi where arctan2(0.0, -x) is pi: the modulus makes them equal.
     angle = np.mod(np.arctan2(-vector[..., 1], vector[..., 0], dtype=np.float64), 2 * np.pi)
+    angle = np.where(angle > 2 * np.pi - _SEAM, 0, angle)
     h = np.interp(angle, _KNOTS, _CORNERS)
     return np.asarray(np.clip(np.stack([np.abs(h - 3) - 1, 2 - np.abs(h - 2), 2 - np.abs(h - 4)], axis=-1), 0, 1))
 
