@@ -76,7 +76,7 @@ class NaiveWan:
         return x + gate2 * y
 
     def __call__(self, x: Tensor, t: float, text: Tensor, image: Tensor | None, reference: Tensor | None) -> Tensor:
-        """The velocity [16, T, H, W] of x [48, T, H, W] at timestep t; text [512, n], image [257, m], ref [16, H, W]."""
+        """The velocity [16, T, H, W] of x [48, T, H, W] at timestep t; text [512, n], image [257, m], one reference."""
         x = x.double()
         tokens, places = self.tokens("patch_embedding", x)
         cut = 0
