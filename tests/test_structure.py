@@ -9,9 +9,9 @@ from fracsim.lab import structure
 SRC = Path(structure.__file__).parents[2]
 
 
-@pytest.fixture(scope="module")
-def counts() -> structure.Counts:
-    return structure.count(SRC)
+@pytest.fixture(scope="module", params=structure.PACKAGES)
+def counts(request: pytest.FixtureRequest) -> structure.Counts:
+    return structure.count(SRC, request.param)
 
 
 def test_functions_fit_on_a_screen(counts: structure.Counts) -> None:
@@ -38,6 +38,6 @@ def test_counts_of_a_small_tree(tmp_path: Path) -> None:
         'def f(x: Array) -> None:\n    """Shape (N, 3)."""\n    print(1, 2, 3)\n\n\n'
         'def g(x: Array) -> None:\n    """No shape."""\n'
     )
-    c = structure.count(tmp_path)
+    c = structure.count(tmp_path, "fracsim")
     assert (c.rooms, c.arrows, c.longest, c.most_arguments[0]) == (2, 1, (3, "fracsim.solve.a:f"), 3)
     assert (c.array_functions, c.without_shapes) == (2, ("fracsim.solve.a:g",))

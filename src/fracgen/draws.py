@@ -17,7 +17,7 @@ def generator(*key: int | str) -> torch.Generator:
 
 
 def normal(shape: tuple[int, ...], *key: int | str) -> Tensor:
-    """Standard normal numbers of a shape, float32."""
+    """Standard normal numbers of any shape, float32."""
     return torch.randn(shape, generator=generator(*key))
 
 

@@ -41,5 +41,5 @@ def clean(x: Tensor, v: Tensor, sigma: Tensor) -> Tensor:
 
 
 def levels(steps: int, shift: float) -> Tensor:
-    """Noise levels of a sampler with `steps` steps, [steps + 1] float64, falling from 1 to 0."""
+    """Noise levels of a sampler with `steps` steps, (steps + 1,) float64, falling from 1 to 0."""
     return shifted(torch.linspace(1, 0, steps + 1, dtype=torch.float64), shift)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-PACKAGE = "fracsim"
+PACKAGES = ("fracsim", "fracgen")
 SHAPE = re.compile(r"\((?:\.\.\.|[\w +]+),[^)]*\)|\[(?:\.\.\.|[\w +]+),[^\]]*\]|any shape|1-D")
 """A shape in a docstring, as (N, 3), (N,), (..., 3) or [T, H, W]."""
 LONG, MANY = 80, 8
@@ -35,29 +35,30 @@ class Counts:
     """Those whose docstring gives no shape."""
 
 
-def modules(src: Path) -> Iterator[tuple[str, ast.Module]]:
+def modules(src: Path, package: str) -> Iterator[tuple[str, ast.Module]]:
     """Dotted name and syntax tree of each module."""
-    for path in sorted((src / PACKAGE).rglob("*.py")):
+    for path in sorted((src / package).rglob("*.py")):
         name = ".".join(path.relative_to(src).with_suffix("").parts)
         yield name.removesuffix(".__init__"), ast.parse(path.read_text(encoding="utf-8"))
 
 
 def room(module: str, src: Path) -> str:
     """The room of a module, or of a name in it."""
-    path = src / PACKAGE
+    package = src / module.partition(".")[0]
+    path = package
     for k, part in enumerate(module.split(".")[1:], 1):
         if not (path / part).is_dir():
-            return ".".join(module.split(".")[: max(k, 2) if path == src / PACKAGE else k])
+            return ".".join(module.split(".")[: max(k, 2) if path == package else k])
         path /= part
     return module
 
 
-def imports(tree: ast.Module, known: frozenset[str]) -> Iterator[str]:
+def imports(tree: ast.Module, package: str, known: frozenset[str]) -> Iterator[str]:
     """Modules of the package that a module imports."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (a.name for a in node.names if a.name.startswith(PACKAGE))
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
+            yield from (a.name for a in node.names if a.name.startswith(package))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(package):
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"
                 yield full if full in known else str(node.module)
@@ -74,9 +75,10 @@ def functions(tree: ast.AST, prefix: str = "") -> Iterator[tuple[str, ast.Functi
 
 
 def takes_arrays(node: ast.FunctionDef) -> bool:
-    """Whether arrays are among the annotations of arguments and result."""
+    """Whether arrays are among the annotations of arguments and result; weights by name have shapes of their own."""
     annotations = [a.annotation for a in node.args.args] + [node.returns]
-    return any(a is not None and re.search(r"\bArray\b|ndarray", ast.unparse(a)) for a in annotations)
+    texts = [re.sub(r"(?:dict|Mapping)\[str, Tensor\]", "", ast.unparse(a)) for a in annotations if a is not None]
+    return any(re.search(r"\bArray\b|\bTensor\b|ndarray", text) for text in texts)
 
 
 def is_kernel(node: ast.FunctionDef) -> bool:
@@ -94,12 +96,12 @@ def calls(tree: ast.Module, kernels: frozenset[str]) -> Iterator[tuple[int, str]
                 yield len(node.args), called
 
 
-def count(src: Path) -> Counts:
-    """Counts of the package in the folder `src`."""
-    trees = dict(modules(src))
+def count(src: Path, package: str) -> Counts:
+    """Counts of a package in the folder `src`."""
+    trees = dict(modules(src, package))
     known = frozenset(trees)
-    rooms = {room(name, src) for name in trees} - {PACKAGE}
-    arrows = {(room(name, src), room(to, src)) for name, tree in trees.items() for to in imports(tree, known)}
+    rooms = {room(name, src) for name in trees} - {package}
+    arrows = {(room(name, src), room(to, src)) for name, tree in trees.items() for to in imports(tree, package, known)}
     longest, most = (0, ""), (0, "")
     arrays: dict[str, bool] = {}
     kernels = LAUNCHED | {node.name for tree in trees.values() for _, node, _ in functions(tree) if is_kernel(node)}
@@ -109,19 +111,20 @@ def count(src: Path) -> Counts:
             longest = max(longest, ((node.end_lineno or 0) - node.lineno + 1, f"{name}:{dotted}"))
             if public and takes_arrays(node) and not is_kernel(node):
                 arrays[f"{name}:{dotted}"] = bool(SHAPE.search(ast.get_docstring(node) or ""))
-    between = {(a, b) for a, b in arrows if a != b and PACKAGE not in (a, b)}
+    between = {(a, b) for a, b in arrows if a != b and package not in (a, b)}
     without = tuple(name for name, shaped in arrays.items() if not shaped)
     return Counts(len(rooms), len(between), longest, most, len(arrays), without)
 
 
 def main() -> None:
-    """Print the counts of the tree in SRC, by default `src`."""
-    c = count(Path(sys.argv[1] if len(sys.argv) > 1 else "src"))
-    print(f"rooms {c.rooms}, arrows between them {c.arrows}")
-    print(f"longest function: {c.longest[0]} lines, {c.longest[1]}")
-    print(f"most positional arguments: {c.most_arguments[0]}, {c.most_arguments[1]}")
-    given = c.array_functions - len(c.without_shapes)
-    print(f"array functions whose docstring gives a shape: {given} of {c.array_functions}")
+    """Print the counts of both packages of the tree in SRC, by default `src`."""
+    for package in PACKAGES:
+        c = count(Path(sys.argv[1] if len(sys.argv) > 1 else "src"), package)
+        print(f"{package}: rooms {c.rooms}, arrows between them {c.arrows}")
+        print(f"  longest function: {c.longest[0]} lines, {c.longest[1]}")
+        print(f"  most positional arguments: {c.most_arguments[0]}, {c.most_arguments[1]}")
+        given = c.array_functions - len(c.without_shapes)
+        print(f"  array functions whose docstring gives a shape: {given} of {c.array_functions}")
 
 
 if __name__ == "__main__":
