@@ -104,3 +104,13 @@ def _resume(file: Path, cfg: TrainVae, network: nn.Module, optimiser: torch.opti
     network.load_state_dict(state["network"])
     optimiser.load_state_dict(state["optimiser"])
     return int(state["step"])
+
+
+def device(name: str) -> torch.device:
+    """The device called `name`; raises ValueError when it is not there."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if not there[name]:
+        raise ValueError(f"device={name} is not there: set device=cpu.")
+    return torch.device(name)
