@@ -25,7 +25,7 @@ OPEN = 64
 class Place(NamedTuple):
     """Where a clip stands in a training; what the sampler asks the data set for."""
 
-    index: int
+    number: int
     """Its number in the cache."""
     epoch: int = 0
     slot: int = 0
@@ -84,19 +84,19 @@ class LatentCache(Dataset[Batch]):
         Clips whose file was lost are left out; their number waits until they are encoded again.
         """
         return [k for k, row in enumerate(self.rows)
-                if row["sha256"] and split in ("", row["split"]) and (not objects or row["object"] in objects)]  # fmt: skip
+                if row["sha256"] and split in ("", row["split"]) and row["object"] in (objects or [row["object"]])]  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def __getitem__(self, key: int | Place) -> Batch:
         place = key if isinstance(key, Place) else Place(range(len(self))[key])
-        row = self.rows[place.index]
+        row = self.rows[place.number]
         text = self._read(self._where[TEXT][row["text"]], row["text"])
         image = self._read(self._where[IMAGE][row["image"]], row["image"]) if self._image and row["image"] else None
         return Batch(
             ids=[row["id"]],
-            indices=torch.tensor(place.index), epoch=torch.tensor(place.epoch), slot=torch.tensor(place.slot),
+            indices=torch.tensor(place.number), epoch=torch.tensor(place.epoch), slot=torch.tensor(place.slot),
             latents={name: self._read(row["shard"], f"{row['id']}.{name}") for name in self.streams},
             force=self._read(self._where[FORCE][row["force"]], row["force"]),
             scalars=torch.tensor(row["scalars"], dtype=torch.float32),
