@@ -15,9 +15,8 @@ from fracgen import layout
 from fracgen.data import index
 from fracgen.data.batch import Batch
 from fracgen.data.index import FORCE, IMAGE, REFERENCE, TEXT, Row
+from fracgen.encoders import pad
 
-TOKENS = 512
-"""Length of the caption's embedding; zeros after its end, as the released transformer was trained."""
 OPEN = 64
 """Files that a process keeps open."""
 
@@ -44,9 +43,9 @@ class LatentCache(Dataset[Batch]):
         self._index = index.load(self.folder)
         lost = index.lacking(self._index, self.folder)
         if lost:
-            name, why = next(iter(lost.items()))
-            raise ValueError(f"{self.folder / name} {why}, and so do {len(lost) - 1} other files: repeat the "
-                             "python -m fracgen.encode that made them.")  # fmt: skip
+            named = "; ".join(f"{name} {why}" for name, why in lost.items())
+            raise ValueError(f"data.folder={self.folder}: {named}. Repeat the python -m fracgen.encode that made the "
+                             "cache: it encodes these clips again.")  # fmt: skip
         self.streams = layout.ordered(self.about["streams"])
         """Streams that are read."""
         self._image = True
@@ -83,8 +82,8 @@ class LatentCache(Dataset[Batch]):
 
         Clips whose file was lost are left out; their number waits until they are encoded again.
         """
-        return [k for k, row in enumerate(self.rows)
-                if row["sha256"] and split in ("", row["split"]) and row["object"] in (objects or [row["object"]])]  # fmt: skip
+        there = [k for k, row in enumerate(self.rows) if row["sha256"] and split in ("", row["split"])]
+        return [k for k in there if not objects or self.rows[k]["object"] in objects]
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -101,7 +100,7 @@ class LatentCache(Dataset[Batch]):
             force=self._read(self._where[FORCE][row["force"]], row["force"]),
             scalars=torch.tensor(row["scalars"], dtype=torch.float32),
             reference=self._read(row["shard"], f"{row['id']}.{REFERENCE}"),
-            text=torch.nn.functional.pad(text, (0, 0, 0, TOKENS - len(text))),
+            text=pad([text])[0],
             image=image,
         )  # fmt: skip
 

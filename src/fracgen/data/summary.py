@@ -49,8 +49,10 @@ class Summary:
         """A warning when latents are not of mean near 0 and standard deviation near 1, else empty."""
         names = [f"{name} ({mean:+.2f}, {std:.2f})" for name, (mean, std) in self.statistics().items()
                  if abs(mean) > MEAN or not STD[0] <= std <= STD[1]]  # fmt: skip
+        if not names:
+            return ""
         return (f"warning: mean and standard deviation of latents should be about 0 and 1, but those of "
-                f"{', '.join(names)} are not: is the VAE trained, are its statistics right?") if names else ""  # fmt: skip
+                f"{', '.join(names)} are not: is the VAE trained, and are its statistics right?")  # fmt: skip
 
     def rate(self) -> str:
         """How fast it goes."""
