@@ -393,6 +393,13 @@ def test_a_bad_config_is_refused_by_name() -> None:
     assert command.ENCODE.compose("encoders=tiny").text_dim == 64
 
 
+def test_a_device_that_is_not_there_is_named(clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    config = command.ENCODE.compose(*TINY, "device=cuda", f"data={clips}", f"output.folder={tmp_path}")
+    with pytest.raises(ValueError, match="device=cuda is not on this machine: set device=cpu"):
+        command.encode(config)
+
+
 def test_the_help_needs_no_torch() -> None:
     text, modules = python(
         "from fracgen.encode import ENCODE; import sys; print(ENCODE.manual(), '---', *sys.modules)"
