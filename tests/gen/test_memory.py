@@ -58,7 +58,7 @@ def test_selective_checkpointing_runs_attention_once_and_full_twice(mode, passes
 
 
 def test_an_unknown_mode_of_checkpointing_is_refused():
-    with pytest.raises(ValueError, match="trainer.checkpointing=some is not allowed: .* none, full, selective"):
+    with pytest.raises(ValueError, match=r"trainer.checkpointing=some is not allowed: .* none, full, selective"):
         checkpointing.set_mode(plain(config()), "some")
 
 
@@ -83,11 +83,12 @@ def test_a_back_end_that_is_not_there_is_refused_with_those_that_are(name, reaso
 def test_blocks_are_compiled_or_the_reason_is_given():
     """The first forward pass would compile a block, in half a minute; the compiler itself has been tried out here."""
     transformer = prepared(layers=1)
-    try:
+    if compiling._fault("cpu", "inductor"):
+        with pytest.raises(ValueError, match=r"trainer.compile=true: torch.compile does not work"):
+            compiling.compile_blocks(transformer)
+    else:
         compiling.compile_blocks(transformer)
-    except ValueError as error:
-        assert "trainer.compile=true: torch.compile does not work" in str(error)
-    assert compiling.is_compiled(transformer) == (compiling._fault("cpu", "inductor") is None)
+        assert compiling.is_compiled(transformer)
 
 
 @pytest.mark.parametrize("mode", checkpointing.MODES)
@@ -138,6 +139,8 @@ def test_only_frozen_weights_wait_and_they_leave_no_copy_behind():
     empty = {n for n, p in transformer.blocks.named_parameters() if not p.numel()}
     assert empty == set(frozen)
     assert not waiting.fetched
+    with pytest.raises(ValueError, match=r"trainer.compile=true does not go with offloaded blocks"):
+        compiling.compile_blocks(transformer)
 
 
 def test_weights_of_one_block_at_a_time_are_on_the_device(monkeypatch):
@@ -163,9 +166,9 @@ def test_weights_of_one_block_at_a_time_are_on_the_device(monkeypatch):
 
 def test_offloading_is_refused_where_it_cannot_work():
     transformer = prepared()
-    with pytest.raises(ValueError, match="trainer.offload_blocks=1 needs gradient checkpointing"):
+    with pytest.raises(ValueError, match=r"trainer.offload_blocks=1 needs gradient checkpointing"):
         offload.offload_blocks(transformer, 1)
-    with pytest.raises(ValueError, match="trainer.offload_blocks=3 is more than the 2 blocks"):
+    with pytest.raises(ValueError, match=r"trainer.offload_blocks=3 is more than the 2 blocks"):
         offload.offload_blocks(transformer, 3)
     assert offload.offload_blocks(transformer, 0) is None
 
@@ -199,7 +202,9 @@ def test_a_quantised_layer_is_the_layer_with_the_restored_weight(kind):
     linear.requires_grad_(False)
     x = torch.randn(5, 32)
     largest = linear.weight.abs().amax(dim=1, keepdim=True)
-    error = largest.expand(-1, 32) / 254 if kind == "int8" else torch.maximum(linear.weight.abs() / 16, largest / 458752)
+    error = (
+        largest.expand(-1, 32) / 254 if kind == "int8" else torch.maximum(linear.weight.abs() / 16, largest / 458752)
+    )
     got = quantise.QuantisedLinear(linear, kind)(x)
     assert ((got - linear(x)).abs() <= x.abs() @ error.T * 1.001 + 1e-6).all()
 
@@ -233,7 +238,7 @@ def test_a_quantised_base_predicts_nearly_the_same():
 
 
 def test_quantising_is_refused_where_all_weights_are_trained():
-    with pytest.raises(ValueError, match="trainer.base_dtype=int8 needs frozen weights.*model.train=lora"):
+    with pytest.raises(ValueError, match=r"trainer.base_dtype=int8 needs frozen weights.*model.train=lora"):
         quantise.quantise_base(prepared(train="full"), "int8")
 
 
@@ -262,19 +267,19 @@ def test_adamw_of_8_bits_reaches_the_minimum_or_names_the_extra():
 
 
 def test_an_optimiser_of_nothing_is_refused():
-    with pytest.raises(ValueError, match="nothing is trained: set model.train"):
+    with pytest.raises(ValueError, match=r"nothing is trained: set model.train"):
         optimiser.build([{"params": [], "lr": 1.0}], Trainer())
 
 
 def test_context_parallelism_is_refused_where_it_cannot_work():
     transformer = plain(config())
     parallel.enable_context_parallel(transformer, 1)
-    with pytest.raises(ValueError, match="trainer.context_parallel=5 must divide the 12 heads .* 1, 2, 3, 4, 6, 12"):
+    with pytest.raises(ValueError, match=r"trainer.context_parallel=5 must divide the 12 heads .* 1, 2, 3, 4, 6, 12"):
         parallel.check(5, 12)
-    with pytest.raises(ValueError, match="trainer.context_parallel=2 must divide the 5633 tokens"):
+    with pytest.raises(ValueError, match=r"trainer.context_parallel=2 must divide the 5633 tokens"):
         parallel.check(2, 12, 5633)
     parallel.check(4, 12, 171_600)
-    with pytest.raises(ValueError, match="trainer.context_parallel=2 needs CUDA devices"):
+    with pytest.raises(ValueError, match=r"trainer.context_parallel=2 needs CUDA devices"):
         parallel.enable_context_parallel(transformer, 2)
 
 

@@ -93,9 +93,10 @@ class Offload:
 
     def _fetch(self, index: int, device: torch.device) -> None:
         """Copy the weights of a block to the device, on CUDA beside its computation."""
+        cuda: Any = torch.cuda
         if device.type == "cuda" and self.stream is None:
-            self.stream = torch.cuda.Stream(device)
-        with torch.cuda.stream(self.stream):  # None is no change
+            self.stream = cuda.Stream(device)
+        with cuda.stream(self.stream):  # None is no change
             self.fetched[index] = [w.host.to(device, non_blocking=True, copy=True) for w in self.waiting[index]]
 
 

@@ -32,7 +32,7 @@ def _eight_bit(groups: list[dict[str, Any]], weight_decay: float) -> Optimizer:
     try:
         from bitsandbytes.optim import AdamW8bit
     except ImportError:
-        raise ValueError("trainer.optimizer=adamw8bit needs the package bitsandbytes: pip install 'fracsim[lowmem]', or "
-                         "set trainer.optimizer=adamw.") from None  # fmt: skip
+        raise ValueError("trainer.optimizer=adamw8bit needs the package bitsandbytes: pip install 'fracsim[lowmem]', "
+                         "or set trainer.optimizer=adamw.") from None  # fmt: skip
     out: Optimizer = AdamW8bit(groups, weight_decay=weight_decay)
     return out

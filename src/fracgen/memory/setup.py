@@ -1,7 +1,5 @@
 """All choices of memory and speed, in the order in which they go together."""
 
-from diffusers import WanTransformer3DModel
-
 from fracgen.config.train import Trainer
 from fracgen.memory.attention import set_backend
 from fracgen.memory.checkpointing import set_mode
@@ -9,9 +7,10 @@ from fracgen.memory.compiling import compile_blocks
 from fracgen.memory.offload import Offload, offload_blocks
 from fracgen.memory.parallel import enable_context_parallel
 from fracgen.memory.quantise import DTYPES, quantise_base
+from fracgen.model import FracTransformer
 
 
-def apply(transformer: WanTransformer3DModel, cfg: Trainer, device: str, tokens: int | None = None) -> Offload | None:
+def apply(transformer: FracTransformer, cfg: Trainer, device: str, tokens: int | None = None) -> Offload | None:
     """Do what `cfg` says to a transformer that `fracgen.model.adapter.prepare` has seen, for a `device` to come.
 
     Call it while the transformer is on the CPU: weights of offloaded blocks then never reach the device in one piece.

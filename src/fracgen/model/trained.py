@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from fracgen.config.model import Lora, Model
 from fracgen.model import adapter
+from fracgen.model.base import base_identity, build
+from fracgen.model.transformer import FracTransformer
 
 VERSION = 1
 """Version of the format."""
@@ -141,14 +142,12 @@ def model_of(about: Mapping[str, Any]) -> Model:
 
 def assemble(
     path: Path | str, device: str = "cpu", dtype: torch.dtype = torch.float32, model: Model | None = None
-) -> WanTransformer3DModel:
+) -> FracTransformer:
     """The transformer of a run, ready to sample: base, adapters, trained tensors, in eval mode.
 
     `model` overrides what the run says about its base, as when the weights lie elsewhere. Raises ValueError if the
     run cannot be read, belongs to other base weights, or does not fit.
     """
-    from fracgen.model import base_identity, build
-
     tensors, about = read(path)
     cfg = model or model_of(about)
     check_base(about, base_identity(cfg), path)
