@@ -1,0 +1,1 @@
+"""What a training needs: memory, operations, time; and ways to need less of them."""
