@@ -75,8 +75,8 @@ class Loss:
     def __post_init__(self) -> None:
         check(self, "loss")
         if len(self.map_weights) != len(STREAMS) or not any(self.map_weights):
-            raise ValueError(f"loss.map_weights={self.map_weights} must have {len(STREAMS)} numbers, not all 0: one for "
-                             f"each of {', '.join(STREAMS)}.")  # fmt: skip
+            raise ValueError(f"loss.map_weights={self.map_weights} must have {len(STREAMS)} numbers, not all 0: one "
+                             f"for each of {', '.join(STREAMS)}.")  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -96,8 +96,8 @@ class Trainer:
     optimizer: str = knob("adamw", "adamw, or adamw8bit with states of 8 bit", choices=("adamw", "adamw8bit"))
     weight_decay: float = knob(0.01, "weight decay", least=0, most=1)
     clip: float = knob(1.0, "largest norm of the gradient; 0 = no limit", least=0)
-    checkpointing: str = knob("full", "recompute activations in the backward pass: none, full, or selective, which keeps "
-                              "the outputs of attention", choices=("none", "full", "selective"))  # fmt: skip
+    checkpointing: str = knob("full", "recompute activations in the backward pass: none, full, or selective, which "
+                              "keeps the outputs of attention", choices=("none", "full", "selective"))  # fmt: skip
     attention: str = knob("native", "back-end of attention, as diffusers names them: native, flash, _native_cudnn, ...")
     compile: bool = knob(False, "compile the blocks of the transformer")
     offload_blocks: int = knob(0, "blocks whose frozen weights wait in the memory of the host", least=0, most=1000)
@@ -116,8 +116,8 @@ class Trainer:
 class Logger:
     """Where curves and videos go."""
 
-    kind: str = knob("csv", "csv: files in the folder of the run; wandb (offline without a key) and tensorboard beside it; "
-                     "none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
+    kind: str = knob("csv", "csv: files in the folder of the run; wandb (offline without a key) and tensorboard beside "
+                     "it; none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
     project: str = knob("fracgen", "project of wandb")
     group: str = knob("", "group of wandb; empty = the name of the experiment")
     videos: int = knob(4, "clips of the validation that are sampled and shown; 0 = none", least=0, most=64)
