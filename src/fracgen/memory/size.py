@@ -1,11 +1,28 @@
 """The size of what the network sees in one forward pass."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fracgen.layout import PATCH, latent_frames, latent_size
 
 TEXT_TOKENS, IMAGE_TOKENS = 512, 257
 """Tokens of a caption, zeros after its end, and of the CLIP embedding of the object's picture."""
+
+
+class Clips(NamedTuple):
+    """The clips of a training."""
+
+    width: int
+    """[px]"""
+    height: int
+    """[px]"""
+    frames: int
+    number: int = 1
+    """How many there are."""
+
+    def size(self, streams: int, batch: int = 1) -> "Size":
+        """The size of a batch of them."""
+        return Size(self.width, self.height, self.frames, streams, batch)
 
 
 @dataclass(frozen=True)

@@ -3,23 +3,22 @@
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 
-from fracgen import model
 from fracgen.conditioning import CONDITION_CHANNELS
 from fracgen.config.model import Model
 from fracgen.config.train import TrainConfig
 from fracgen.denoiser import Inputs, velocity
 from fracgen.layout import CHANNELS
-from fracgen.memory import checkpointing
+from fracgen.memory.blank import blank, materialise
 from fracgen.memory.live import LiveBytes
 from fracgen.memory.size import IMAGE_TOKENS, TEXT_TOKENS, Size
-from fracgen.model import adapter
+from fracgen.model import FracTransformer
 
 
 @dataclass(frozen=True)
@@ -36,33 +35,33 @@ class Activations:
         """What comes on top for a while: tensors within one block, and what checkpointing computes again."""
         return self.peak - self.kept
 
-    def beyond(self, more: "Activations", layers: int) -> "Activations":
-        """The activations at `layers` more layers, each of which adds what `more`, one layer more, adds."""
-        return Activations(self.kept + layers * (more.kept - self.kept), self.peak + layers * (more.peak - self.peak))
+    def beyond(self, more: int) -> "Activations":
+        """The activations when `more` bytes more are kept."""
+        return Activations(self.kept + more, self.peak + more)
 
 
 FEW = 2
-"""Layers that are traced; every further layer adds the same."""
+"""Blocks that are traced. Every further block keeps what the second one keeps: the first one's input may need no
+gradient."""
 
 _known: dict[tuple[object, ...], Activations] = {}
 """Activations by setting."""
 
 
 def activations(cfg: TrainConfig, streams: Sequence[str], size: Size) -> Activations:
-    """Activations of the transformer of `cfg` on a batch of `size`; takes about a second, once for each setting."""
+    """Activations of the transformer of `cfg` on a batch of `size`; takes a second, once for each setting."""
     t = cfg.trainer
     key = repr(cfg.model), tuple(streams), size, t.checkpointing, t.precision, t.base_dtype, t.attention
     if key not in _known:
-        layers = cfg.model.layers
-        few = trace(cfg, streams, size, min(layers, FEW))
-        more = trace(cfg, streams, size, FEW + 1) if layers > FEW else few
-        _known[key] = few.beyond(more, max(0, layers - FEW))
+        few, block = trace(cfg, streams, size, min(cfg.model.layers, FEW))
+        _known[key] = few.beyond(max(0, cfg.model.layers - FEW) * block)
     return _known[key]
 
 
-def trace(cfg: TrainConfig, streams: Sequence[str], size: Size, layers: int) -> Activations:
-    """Run `layers` blocks of the transformer forward and backward on fake tensors and count what is alive."""
-    network = prepared(cfg, streams, layers)
+def trace(cfg: TrainConfig, streams: Sequence[str], size: Size, layers: int) -> tuple[Activations, int]:
+    """Run `layers` blocks forward and backward on fake tensors and count what is alive; also what the last one keeps."""
+    network = blank(cfg, streams, layers)
+    behind: list[int] = []
     with _quiet(), FakeTensorMode():
         materialise(network)
         network.train()
@@ -70,36 +69,21 @@ def trace(cfg: TrainConfig, streams: Sequence[str], size: Size, layers: int) -> 
             if parameter.requires_grad:
                 parameter.grad = torch.zeros_like(parameter)  # as after the first batch of an optimiser step
         with LiveBytes(owned(network)) as live:
+            for block in network.blocks:
+                block.register_forward_hook(lambda *_: behind.append(_settled(live)))
             loss = _loss(cfg, network, size)
             kept = live.now
             loss.backward()  # type: ignore[no-untyped-call]
-        return Activations(kept, live.peak)
+        return Activations(kept, live.peak), behind[layers - 1] - behind[layers - 2] if layers > 1 else 0
 
 
-def prepared(cfg: TrainConfig, streams: Sequence[str], layers: int, device: str = "meta") -> torch.nn.Module:
-    """The transformer as it is trained, at random weights: frozen, adapted, checkpointed."""
-    small = replace(cfg.model, path="", hub=False, layers=layers)
-    dtype = torch.float32 if cfg.trainer.base_dtype == "float32" else torch.bfloat16
-    network = model.build(small, streams, device, dtype)
-    adapter.prepare(network, small)
-    checkpointing.apply(network, cfg.trainer.checkpointing)
-    return network
+def _settled(live: LiveBytes) -> int:
+    """Bytes alive without the casts of weights that autocast holds until its end."""
+    torch.clear_autocast_cache()
+    return live.now
 
 
-def materialise(network: torch.nn.Module) -> None:
-    """Give a network on the meta device weights and buffers on the CPU, within a FakeTensorMode fake ones.
-
-    The kernels of attention are then those of a CPU, which keep what those of a GPU keep; "meta" has none of these.
-    """
-    for module in network.modules():
-        for name, parameter in list(module.named_parameters(recurse=False)):
-            like = torch.zeros(parameter.shape, dtype=parameter.dtype)
-            setattr(module, name, torch.nn.Parameter(like, requires_grad=parameter.requires_grad))
-        for name, buffer in list(module.named_buffers(recurse=False)):
-            setattr(module, name, torch.zeros(buffer.shape, dtype=buffer.dtype))
-
-
-def owned(network: torch.nn.Module) -> list[Tensor]:
+def owned(network: FracTransformer) -> list[Tensor]:
     """Weights, their gradients and buffers."""
     grads = [p.grad for p in network.parameters() if p.grad is not None]
     return [*network.parameters(), *network.buffers(), *grads]
@@ -122,7 +106,7 @@ def inputs(cfg: Model, size: Size) -> tuple[Tensor, Tensor, Inputs]:
     )
 
 
-def _loss(cfg: TrainConfig, network: Any, size: Size) -> Tensor:
+def _loss(cfg: TrainConfig, network: FracTransformer, size: Size) -> Tensor:
     """The loss of a batch, as far as memory goes: a mean square of the predicted velocity."""
     x, sigma, conditions = inputs(cfg.model, size)
     with torch.autocast("cpu", torch.bfloat16, enabled=cfg.trainer.precision == "bf16-mixed"):
