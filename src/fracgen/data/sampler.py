@@ -71,5 +71,5 @@ def _check(clips: int, batch: int, effective_batch: int, ranks: int) -> None:
                          f"{batch} x {ranks}, so that a step is a whole number of forward passes: set it to "
                          f"{-(-effective_batch // (batch * ranks)) * batch * ranks}.")  # fmt: skip
     if clips < effective_batch:
-        raise ValueError(f"{clips} training clips are fewer than trainer.effective_batch={effective_batch}: encode more "
-                         f"clips, or set trainer.effective_batch to at most {clips}.")  # fmt: skip
+        raise ValueError(f"{clips} training clips are fewer than trainer.effective_batch={effective_batch}: encode "
+                         f"more clips, or set trainer.effective_batch to at most {clips}.")  # fmt: skip

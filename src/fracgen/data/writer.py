@@ -13,6 +13,7 @@ from torch import Tensor
 
 from fracgen.data import index
 from fracgen.data.index import CLIPS, FORCE, IMAGE, REFERENCE, TEXT, Row
+from fracsim.sample.identity import digest
 
 SHARED = (FORCE, TEXT, IMAGE)
 """Kinds whose entries several clips share."""
@@ -31,6 +32,8 @@ class CacheWriter:
         self.index = index.begin(self.folder, about)
         self.dropped = self._drop_lost()
         """What was wrong with files whose clips are to be encoded again, by file."""
+        self.bytes = 0
+        """Bytes of the tensors that were added."""
         self._limit, self._seconds = shard_mb * MB, 60 * minutes
         self._numbers = {row["id"]: k for k, row in enumerate(self.index.rows)}
         self._known = {kind: set(self.index.where(kind)) for kind in SHARED}
@@ -77,7 +80,8 @@ class CacheWriter:
     def _collect(self, kind: str, key: str, tensor: Tensor) -> None:
         kept = tensor.detach().to("cpu", torch.bfloat16).contiguous()
         self._pending[kind][key] = kept
-        self._size += kept.numel() * kept.element_size()
+        self._size += kept.nbytes
+        self.bytes += kept.nbytes
 
     def flush(self) -> None:
         """Write what is collected; raises OSError where it cannot be written."""
@@ -99,7 +103,8 @@ class CacheWriter:
                 save_file(tensors, new)
             except SafetensorError as error:
                 raise OSError(f"{self.folder / name} cannot be written ({error})") from None
-            entry = {"bytes": new.stat().st_size, "sha256": index.digest(new), "keys": sorted(tensors)}
+            new.chmod((self.folder / index.ABOUT).stat().st_mode)  # safetensors lets the owner alone read
+            entry = {"bytes": new.stat().st_size, "sha256": digest(new), "keys": sorted(tensors)}
         self.index.files[name] = entry
         return name
 
