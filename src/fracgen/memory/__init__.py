@@ -1,1 +1,1 @@
-"""What a training needs: memory, operations, time; and ways to need less of them."""
+"""Memory and speed of the transformer in training: each choice of `fracgen.config.train.Trainer` is a module here."""
