@@ -11,7 +11,12 @@ class Batch(NamedTuple):
     ids: list[str]
     """Names of the clips."""
     indices: Tensor
-    """Their numbers in the data set, [B] int64; random draws are keyed by them."""
+    """Their numbers in the cache, [B] int64; equal whatever is left out of the data set or of the batch."""
+    epoch: Tensor
+    """The pass over the training clips that they belong to, [B] int64; random draws are keyed by (epoch, index)."""
+    slot: Tensor
+    """Their places in the effective batch, [B] int64, 0 to effective batch - 1: no two clips of an optimiser step share
+    one, whatever the number of processes."""
     latents: dict[str, Tensor]
     """Latents by stream, [B, 16, T, H, W] each, in the order of `fracgen.layout.STREAMS`."""
     force: Tensor
