@@ -1,4 +1,4 @@
-"""What the generator is told: numbers at the paper's end points, blobs where the grips are, condition files, channels."""
+"""What the generator is told: numbers at the ends of the ranges, blobs where the grips are, files, channels."""
 
 import json
 import math
@@ -84,7 +84,7 @@ def test_numbers_outside_are_clamped_warned_of_or_refused(name: str, value: floa
 
 @pytest.mark.parametrize(("x", "y"), [(100.0, 60.0), (87.3, 71.9), (64.5, 64.5)])
 def test_a_blob_has_its_centre_of_mass_at_the_grip_and_a_24th_of_the_height_as_width(x: float, y: float) -> None:
-    """Pixel centres lie at half numbers; 120 px high, sigma is 5 px and the frame ends 11 sigma away: no tail is cut."""
+    """Pixel centres lie at half numbers; sigma is 5 px and the frame ends 9 sigma away: no tail is cut."""
     width, height = 192, 120
     grey = conditioning.blobs(np.array([[[x, y]]]), width, height)[0, ..., 0].astype(np.float64)
     columns, rows = np.arange(width) + 0.5, np.arange(height) + 0.5

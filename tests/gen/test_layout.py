@@ -1,4 +1,4 @@
-"""The joint latent: streams one below the other, in the order of the paper, cut and joined without a copy of meaning."""
+"""The joint latent: streams one below the other, in the order of the paper; cutting is the inverse of joining."""
 
 import itertools
 
