@@ -21,8 +21,8 @@ from fracgen.layout import MAPS
 ABOUT, INDEX = "cache.json", "index.parquet"
 VERSION = 1
 """Version of this layout."""
-FIELDS = ("vae", "width", "height", "frames", "frame_select", "fps", "streams", "text", "text_dim", "image", "dtype",
-          "normalisation")  # fmt: skip
+FIELDS = ("vae", "vae_dtype", "width", "height", "frames", "frame_select", "fps", "streams", "text", "text_dim", "image",
+          "dtype", "normalisation")  # fmt: skip
 """Entries of cache.json beside `version`: all that latents and embeddings depend on beside the clips."""
 CLIPS, FORCE, TEXT, IMAGE = "shard", "force", "text", "image"
 """Kinds of files; a file is KIND-00000.safetensors."""

@@ -26,7 +26,7 @@ def write(
     draw = generator(seed, "synthetic")
     picture = (layout.CHANNELS, size // layout.SPACE, size // layout.SPACE)
     video = (layout.CHANNELS, layout.latent_frames(frames), *picture[1:])
-    about = {"vae": "synthetic", "width": size, "height": size, "frames": frames, "frame_select": "head", "fps": 100.0,
+    about = {"vae": "synthetic", "vae_dtype": "float32", "width": size, "height": size, "frames": frames, "frame_select": "head", "fps": 100.0,
              "streams": list(layout.ordered(streams)), "text": "synthetic", "text_dim": text_dim,
              "image": "synthetic" if image_dim else "", "dtype": "bfloat16",
              "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip

@@ -31,6 +31,8 @@ class CacheWriter:
         self.index = index.begin(self.folder, about)
         self.dropped = self._drop_lost()
         """What was wrong with files whose clips are to be encoded again, by file."""
+        self.bytes = 0
+        """Bytes of the tensors that were added."""
         self._limit, self._seconds = shard_mb * MB, 60 * minutes
         self._numbers = {row["id"]: k for k, row in enumerate(self.index.rows)}
         self._known = {kind: set(self.index.where(kind)) for kind in SHARED}
@@ -77,7 +79,8 @@ class CacheWriter:
     def _collect(self, kind: str, key: str, tensor: Tensor) -> None:
         kept = tensor.detach().to("cpu", torch.bfloat16).contiguous()
         self._pending[kind][key] = kept
-        self._size += kept.numel() * kept.element_size()
+        self._size += kept.nbytes
+        self.bytes += kept.nbytes
 
     def flush(self) -> None:
         """Write what is collected; raises OSError where it cannot be written."""
