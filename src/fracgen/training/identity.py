@@ -57,7 +57,9 @@ def of_clips(cache: LatentCache, numbers: list[int]) -> str:
     """12 hex digits over how a cache was made and the training clips with these numbers in it."""
     rows = [cache.rows[k] for k in numbers]
     about = {name: value for name, value in cache.about.items() if name != "streams"}  # a map more changes no latent
-    return digest({"cache": about, "clips": [[k, row["id"], row["sha256"]] for k, row in zip(numbers, rows, strict=True)]})
+    return digest(
+        {"cache": about, "clips": [[k, row["id"], row["sha256"]] for k, row in zip(numbers, rows, strict=True)]}
+    )
 
 
 def differences(mine: Mapping[str, Any], other: Mapping[str, Any], name: str = "") -> Iterator[str]:

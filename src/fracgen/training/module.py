@@ -3,7 +3,7 @@
 Shapes: B clips, S streams.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import torch
@@ -19,7 +19,8 @@ from fracgen.layout import split
 from fracgen.losses import constitutive, flow_matching
 from fracgen.losses.constitutive import Constitutive
 from fracgen.memory import optimiser
-from fracgen.training import noising, schedule
+from fracgen.model import FracTransformer
+from fracgen.training import network, noising, schedule
 from fracgen.training.noising import Noised
 
 KEYS = ("indices", "epoch", "slot")
@@ -43,7 +44,7 @@ class Losses(NamedTuple):
 class Module(LightningModule):
     """A stage of training; `transformer` is what `fracgen.model.adapter.prepare` has made trainable."""
 
-    def __init__(self, cfg: TrainConfig, recipe: Recipe, transformer: nn.Module, total: int) -> None:
+    def __init__(self, cfg: TrainConfig, recipe: Recipe, transformer: FracTransformer, total: int) -> None:
         """`total` is the number of optimiser steps. Raises ValueError for a recipe that cannot be trained."""
         super().__init__()
         self.strict_loading = False  # a checkpoint has what is trained only
@@ -56,6 +57,8 @@ class Module(LightningModule):
         """Forward passes of this process since the last optimiser step, and their losses."""
         self.gradient_norm: Tensor | None = None
         """Of the last optimiser step, before it was clipped."""
+        self.guard: Callable[[Module], None] = lambda module: None
+        """Called before each optimiser step; it raises to prevent it."""
 
     # Losses
 
@@ -88,6 +91,15 @@ class Module(LightningModule):
 
     # Hooks of Lightning
 
+    def on_fit_start(self) -> None:
+        """On its device, the network gets what depends on it."""
+        network.settle(self.transformer, self.cfg)
+
+    def on_train_batch_end(self, outputs: Any, batch: Batch, batch_idx: int) -> None:
+        """After the callbacks: forget the forward passes of an optimiser step."""
+        if len(self.window) == self.trainer.accumulate_grad_batches:
+            self.window = []
+
     def transfer_batch_to_device(self, batch: Batch, device: torch.device, dataloader_idx: int) -> Batch:
         """All but the keys of random draws, which would have to wait for the device."""
         keys = {name: getattr(batch, name) for name in KEYS}
@@ -110,20 +122,22 @@ class Module(LightningModule):
 
     def configure_optimizers(self) -> Optimizer:
         """AdamW; the maps of the constitutive loss have a learning rate of their own and no weight decay."""
-        const = [] if self.constitutive is None else list(self.constitutive.parameters())
-        groups = optimiser.groups(self.transformer, self.recipe.lr, self.cfg.trainer.weight_decay)
-        if const:
-            groups.append({"params": const, "lr": self.cfg.loss.const_lr, "weight_decay": 0.0})
-        for group in groups:
-            group["full_lr"] = group["lr"]
-        return optimiser.build(groups, self.cfg.trainer.optimizer)
+        lr = self.recipe.lr
+        mine = [(name, p) for name, p in self.transformer.named_parameters() if p.requires_grad]
+        groups: list[dict[str, Any]] = [
+            {"params": [p for name, p in mine if decays(name, p)], "lr": lr},
+            {"params": [p for name, p in mine if not decays(name, p)], "lr": lr, "weight_decay": 0.0},
+        ]
+        if self.constitutive is not None:
+            maps = list(self.constitutive.parameters())
+            groups.append({"params": maps, "lr": self.cfg.loss.const_lr, "weight_decay": 0.0})
+        return optimiser.build([{**g, "full_lr": g["lr"]} for g in groups if g["params"]], self.cfg.trainer)
 
-    def configure_gradient_clipping(
-        self, optimizer: Optimizer, gradient_clip_val: float | None = None, gradient_clip_algorithm: str | None = None
-    ) -> None:
-        """Measure the norm of the gradient, and limit it; then the learning rate of this step is set."""
-        limit = self.cfg.trainer.clip or float("inf")
-        self.gradient_norm = nn.utils.clip_grad_norm_([p for _, p in self.trained()], limit).detach()
+    def on_before_optimizer_step(self, optimizer: Optimizer) -> None:
+        """Limit the norm of the gradient, refuse one that is not finite, and set the learning rate of this step."""
+        parameters = [p for _, p in self.trained()]
+        self.gradient_norm = nn.utils.clip_grad_norm_(parameters, self.cfg.trainer.clip or float("inf")).detach()
+        self.guard(self)
         factor = schedule.learning_rate(self.global_step, self.recipe.warmup, self.total)
         for group in optimizer.param_groups:
             group["lr"] = group["full_lr"] * factor
@@ -133,6 +147,12 @@ class Module(LightningModule):
     def trained(self) -> Iterator[tuple[str, nn.Parameter]]:
         """Names and parameters of what is trained, `transformer.` and `constitutive.` before their own names."""
         return ((name, p) for name, p in self.named_parameters() if p.requires_grad)
+
+
+def decays(name: str, parameter: Tensor) -> bool:
+    """Whether weight decay acts on a parameter, any shape: on matrices and kernels, not on biases, norms, modulations
+    and embeddings of the maps."""
+    return parameter.ndim > 1 and not name.endswith(("scale_shift_table", "map_embed"))
 
 
 def _constitutive(cfg: TrainConfig, recipe: Recipe) -> Constitutive | None:
