@@ -8,6 +8,10 @@ from fracgen.layout import STREAMS, ordered
 from fracsim.scene.knob import check, knob
 
 
+LARGE = 200_000_000
+"""Parameters above which random weights are refused: so many do not learn video from a few thousand clips."""
+
+
 @dataclass(kw_only=True)
 class Recipe:
     """One stage."""
@@ -106,6 +110,7 @@ class Trainer:
     save_minutes: float = knob(30.0, "minutes between checkpoints", least=0.01)
     save_steps: int = knob(250, "optimiser steps between checkpoints", least=1)
     val_steps: int = knob(250, "optimiser steps between validations; 0 = none", least=0)
+    val_levels: int = knob(5, "noise levels at which the validation judges each clip", least=1, most=100)
     log_steps: int = knob(10, "optimiser steps between log entries", least=1)
 
     def __post_init__(self) -> None:
@@ -120,6 +125,7 @@ class Logger:
                      "it; none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
     project: str = knob("fracgen", "project of wandb")
     group: str = knob("", "group of wandb; empty = the name of the experiment")
+    vae: str = knob("", "folder or file of the VAE that decodes videos; empty = no videos")
     videos: int = knob(4, "clips of the validation that are sampled and shown; 0 = none", least=0, most=64)
     video_steps: int = knob(20, "sampling steps of these", least=1, most=1000)
 
@@ -147,7 +153,9 @@ class TrainConfig:
     init_from: str = knob(
         "auto", "weights to start from: the run of the stage before (auto), a folder of a run, or none"
     )
-    experiment: str = knob("default", "name of the experiment (a label)")
+    name: str = knob("", "name of the experiment (a label)")
+    replay: str = knob("", "file nan-STEP.safetensors of a run that stopped: compute its step again and say what is "
+                       "not finite")  # fmt: skip
     seed: int = knob(0, "seed of weights, order, noise and noise levels", least=0, most=2**31 - 1)
     model: Model = field(default_factory=Model)
     conditioning: Conditioning = field(default_factory=Conditioning)
@@ -160,3 +168,20 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check(self, "")
+        t = self.trainer
+        if self.model.train == "lora" and t.precision == "32-true" and t.base_dtype != "float32":
+            raise ValueError(f"trainer.base_dtype={t.base_dtype} needs trainer.precision=bf16-mixed, under which frozen "
+                             "weights of another type than float32 can be used: set it, or trainer.base_dtype=float32.")  # fmt: skip
+        if t.compile and t.offload_blocks:
+            raise ValueError(f"trainer.offload_blocks={t.offload_blocks} does not go with compiled blocks: set "
+                             "trainer.compile=false.")  # fmt: skip
+
+
+def check_weights(model: Model) -> None:
+    """Raise ValueError when a large model has no weights to start from."""
+    dim = model.heads * model.head_dim
+    parameters = model.layers * (8 * dim**2 + 2 * dim * model.ffn_dim)  # two attentions and the feed-forward
+    if not model.path and parameters > LARGE:
+        raise ValueError("model.path is missing: set it to the folder of the weights of "
+                         "Wan2.1-Fun-V1.1-1.3B-Control, as model.path=weights/Wan2.1-Fun-V1.1-1.3B-Control. Without "
+                         "weights, model=tiny trains a small model from random ones.")  # fmt: skip
