@@ -31,7 +31,7 @@ STREAMS = ("rgb", "flow", "strain", "stress", "damage")
 
 def cache() -> dict[str, Any]:
     """What cache.json of the run's latents says."""
-    return {"version": 1, "vae": vae.load(VAE).identity, "width": WIDTH, "height": HEIGHT, "frames": FRAMES,
+    return {"version": 1, "vae": vae.load(VAE).identity, "vae_dtype": "float32", "width": WIDTH, "height": HEIGHT, "frames": FRAMES,
             "frame_select": "head", "fps": 100.0, "streams": list(STREAMS),
             "text": encoders.text_identity(WORDS, TEXT), "text_dim": TEXT, "image": encoders.image_identity(WORDS),
             "dtype": "bfloat16", "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip

@@ -21,7 +21,7 @@ class Sampler:
                            least=0, most=30)  # fmt: skip
     passes: str = knob("sequential", "the two calls of guidance: sequential, or batched: faster, with "
                        "twice the memory", choices=("sequential", "batched"))  # fmt: skip
-    overwrite_first_latent: bool = knob(False, "put the picture in place of the first frame, instead of showing it as a "
+    overwrite_first_latent: bool = knob(False, "put the picture in place of the first frame, beside showing it as the "
                                         "reference only")  # fmt: skip
     dtype: str = knob("auto", "type of the network's weights and of its arithmetic; auto = bfloat16 on a GPU",
                       choices=("auto", "float32", "bfloat16"))  # fmt: skip

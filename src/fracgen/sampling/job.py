@@ -10,11 +10,11 @@ from pathlib import Path
 
 import torch
 
-from fracgen import flow, vae
+from fracgen import flow
 from fracgen.config.sample import SampleConfig
-from fracgen.denoiser import Network
 from fracgen.layout import RGB
 from fracgen.sampling import generate, networks, records, trained_run
+from fracgen.sampling.networks import Networks
 from fracgen.sampling.records import Made
 from fracgen.sampling.request import Request, requests
 from fracsim.sample import find
@@ -30,8 +30,7 @@ def run(cfg: SampleConfig) -> list[Path]:
     asked = requests(cfg, source, maps)
     source.check_encoders(cfg.encoders)
     device = _device(cfg.device)
-    made = Made(cfg, source, maps, _sampler(cfg, source, device),
-                {name: source.cache[name] for name in ("vae", "text", "image")})  # fmt: skip
+    made = Made(cfg, source, maps, _sampler(cfg, source, device))
     clear(root(made.output))
     names = [records.identity(request, made) for request in asked]
     there = {} if cfg.output.overwrite else {name: path for name in names if (path := find(made.output, name))}
@@ -43,38 +42,26 @@ def run(cfg: SampleConfig) -> list[Path]:
 
 def _sample(todo: Sequence[Request], made: Made, device: torch.device) -> list[Path]:
     """Sample requests, in batches, and return their folders."""
-    cfg, source = made.cfg, made.run
-    decoder = vae.load(cfg.vae, device)
-    source.check_vae(decoder.identity)
-    embedded = networks.embed(todo, cfg, source, device)
-    network = networks.transformer(source, device, getattr(torch, made.sampler["dtype"]))
-    batches = range(0, len(todo), cfg.batch)
+    cfg = made.cfg
+    there = networks.load(todo, cfg, made.run, str(made.sampler["dtype"]), device)
+    batches = [todo[k : k + cfg.batch] for k in range(0, len(todo), cfg.batch)]
     calls = len(batches) * cfg.sampler.steps + len(todo) * (1 + len(made.maps))
-    folders = []
     with _progress(calls, f"sampling {len(todo)} clip(s)") as tick:
-        for start in batches:
-            part = slice(start, start + cfg.batch)
-            some = embedded._replace(text=embedded.text[part], image=embedded.image and embedded.image[part])
-            folders += _batch(todo[part], some, network, decoder, made, tick)
-    return folders
+        return [folder for batch in batches for folder in _batch(batch, there, made, device, tick)]
 
 
-def _batch(
-    asked: Sequence[Request], embedded: networks.Embedded, network: Network, decoder: vae.FrozenVae, made: Made,
-    tick: Tick,
-) -> list[Path]:  # fmt: skip
-    """Sample a batch and write its samples; raises ValueError when a latent is not finite."""
+def _batch(asked: Sequence[Request], there: Networks, made: Made, device: torch.device, tick: Tick) -> Iterator[Path]:
+    """Sample a batch, write its samples and give their folders; raises ValueError when a latent is not finite."""
     cfg, begin = made.cfg, time.perf_counter()
-    device = decoder.mean.device
-    given, first = networks.inputs(asked, embedded, decoder, made.run, cfg.ranges)
+    given, first = networks.inputs(asked, there, made.run, cfg.ranges)
     latents = generate.sample(
-        network,
+        there.transformer,
         generate.initial(given, cfg.seed, [request.key for request in asked]).to(device),
         given,
-        flow.levels(cfg.sampler.steps, made.sampler["shift"]),
+        flow.levels(cfg.sampler.steps, float(made.sampler["shift"])),
         solver=cfg.sampler.solver,
         guidance=cfg.sampler.guidance,
-        empty=embedded.empty,
+        empty=there.captions(""),
         passes=cfg.sampler.passes,
         first=first if cfg.sampler.overwrite_first_latent else None,
         advance=tick,
@@ -83,15 +70,13 @@ def _batch(
         raise ValueError(f"sampler.dtype={made.sampler['dtype']}: the network gives numbers that are not finite; set "
                          "sampler.dtype=float32, or check the weights of the run.")  # fmt: skip
     share = (time.perf_counter() - begin) / len(asked)
-    folders = []
     for k, request in enumerate(asked):
         begin, videos = time.perf_counter(), {}
-        for name, video in networks.decode(latents[k : k + 1], (RGB, *made.maps), decoder, made.run):
+        for name, video in networks.decode(latents[k : k + 1], (RGB, *made.maps), there.vae, made.run):
             videos[name] = video
             tick()
         seconds = {"sample": share, "decode": time.perf_counter() - begin}
-        folders.append(records.write(request, made, videos.pop(RGB), videos, seconds))
-    return folders
+        yield records.write(request, made, videos.pop(RGB), videos, seconds)
 
 
 def _sampler(cfg: SampleConfig, source: trained_run.TrainedRun, device: torch.device) -> dict[str, str | float | bool]:

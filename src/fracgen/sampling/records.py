@@ -1,6 +1,5 @@
 """Sampled clips as samples on disk, in the schema that fracsim writes."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,8 +33,6 @@ class Made:
     """Maps that are decoded."""
     sampler: Mapping[str, Any]
     """The solver and its settings, resolved."""
-    networks: Mapping[str, str]
-    """Identities of VAE and encoders."""
 
     @property
     def output(self) -> Output:
@@ -45,15 +42,15 @@ class Made:
 
 def content(request: Request, made: Made) -> dict[str, Any]:
     """All that names a sample; the fields of a scene among it are columns of the table of a data set."""
-    pixels = np.ascontiguousarray(request.pixels)
     return {
         **request.fields,
         "seed": made.cfg.seed,
         "weights": made.run.weights,
         "base": made.run.about["base"],
-        "networks": dict(made.networks),
+        "networks": {name: made.run.cache[name] for name in ("vae", "text", "image")},
+        "decoder": {"dtype": made.cfg.vae.dtype, "tile": made.cfg.vae.tile},
         "sampler": dict(made.sampler),
-        "picture": hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest(),
+        "picture": request.picture,
         "condition": {**asdict(request.condition), "caption": request.caption},
         "clip": request.key,
         "maps": list(made.maps),
@@ -97,7 +94,7 @@ def write(request: Request, made: Made, rgb: Array, videos: Mapping[str, Array],
     with Writer(header, made.output) as writer:
         for k, frame in enumerate(pixels):
             writer.add(k, frame, None, {name: value[k] for name, value in values.items()})
-        return writer.finish(report=report(rgb, request.pixels), seconds=seconds)
+        return writer.finish(report=report(rgb, request.read()), seconds=seconds)
 
 
 def report(rgb: Array, picture: Array) -> dict[str, float]:

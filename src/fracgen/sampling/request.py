@@ -1,8 +1,11 @@
 """What is to be sampled: a picture and a pull on it, from files of a user or from the clips of a data set."""
 
+import hashlib
 import math
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,13 +13,15 @@ import numpy as np
 import fracsim.dataset
 from fracgen import conditioning
 from fracgen.conditioning import Condition
+from fracgen.config.encode import EncodeConfig
 from fracgen.config.sample import ALL, SampleConfig
 from fracgen.data import pictures
-from fracgen.data.choose import choose
+from fracgen.data.choose import choose, told
 from fracgen.sampling import picture
 from fracgen.sampling.trained_run import TrainedRun
 from fracsim.dataset import Clip, captions
 from fracsim.dataset.classes import LAWS, NONE, class_of
+from fracsim.dataset.progress import shown
 from fracsim.dataset.table import FIELDS
 from fracsim.records import Array
 from fracsim.sample.identity import field_of
@@ -28,8 +33,10 @@ class Request:
 
     key: str
     """Its noise belongs to it: the id of a clip, or "" for a picture of a user."""
-    pixels: Array
-    """The picture, (h, w, 3) uint8."""
+    picture: str
+    """What tells the picture from others: the hash of its pixels, or of the clip that it is of."""
+    read: Callable[[], Array]
+    """Gives the picture, (h, w, 3) uint8; thousands of requests hold none in memory."""
     condition: Condition
     paths: Array
     """Positions of the grips [px], (F, 2, 2)."""
@@ -58,9 +65,9 @@ def requests(cfg: SampleConfig, run: TrainedRun, maps: Sequence[str]) -> list[Re
 def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
     """The request of a picture and a condition file; frames are those of the run, whatever rate the condition has."""
     frames, height, width = run.size
-    shown = picture.load(cfg.image, width, height, cfg.fit)
+    seen = picture.load(cfg.image, width, height, cfg.fit)
     given = conditioning.load(cfg.condition)
-    moved = _moved(replace(given, fps=run.cache["fps"]), shown)
+    moved = _moved(replace(given, fps=run.cache["fps"]), seen)
     axis = _axis(moved, width, height)
     name = _object(cfg.image)
     words = {"object": name, "class": moved.category, "loading_axis_deg": axis, "break_frame": None, "torn_frame": None,
@@ -72,7 +79,8 @@ def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
     }  # fmt: skip
     return Request(
         key="",
-        pixels=shown.pixels,
+        picture=hashlib.sha256(repr(seen.pixels.shape).encode() + seen.pixels.tobytes()).hexdigest(),
+        read=lambda: seen.pixels,
         condition=moved,
         paths=moved.paths(frames, width, height),
         caption=moved.caption or captions.caption(words),
@@ -92,21 +100,30 @@ def _of_data(cfg: SampleConfig, run: TrainedRun, maps: Sequence[str]) -> Iterato
                          f"{f' and objects=[{chr(44).join(cfg.objects)}]' if cfg.objects else ''}: ask for another "
                          "split, as split=all.")  # fmt: skip
     encoding = run.encoding(cfg.data, ["rgb", *(maps if cfg.scales == "truth" else ())])
-    chosen = choose(clips, encoding).clips
-    for clip in chosen[: cfg.limit or None]:
+    found = choose(clips, encoding)
+    for line in told(found.left_out):
+        print(line, file=sys.stderr)
+    chosen = found.clips[: cfg.limit or None]
+    for clip in shown(chosen, len(chosen), "reading scenes"):
         scene = clip.sample.scene
-        first = int(pictures.select(clip.row["frames"], encoding.frames, encoding.frame_select)[0])
-        whole = pictures.shrink(clip.read("rgb", first, first + 1), clip.row["width"] // encoding.width)[0]
-        condition = conditioning.of_scene(scene)
         yield Request(
             key=clip.row["id"],
-            pixels=np.round(whole).astype(np.uint8),
-            condition=condition,
+            picture=clip.row["sha256"],
+            read=partial(_first, clip, encoding),
+            condition=conditioning.of_scene(scene),
             paths=pictures.grips(clip, encoding),
             caption=clip.row["caption"],
             fields={"asset.name": clip.row["object"], **{name: field_of(scene, name) for name in FIELDS}},
             clip=clip,
         )
+
+
+def _first(clip: Clip, encoding: EncodeConfig) -> Array:
+    """The first frame that is used of a clip, in the size of the run, (h, w, 3) uint8."""
+    first = int(pictures.select(clip.row["frames"], encoding.frames, encoding.frame_select)[0])
+    whole = clip.read("rgb", first, first + 1)
+    small = pictures.shrink(whole, clip.row["width"] // encoding.width)[0]
+    return np.asarray(np.round(small), np.uint8)
 
 
 def truth(request: Request, name: str, run: TrainedRun, data: str) -> float:
@@ -117,9 +134,9 @@ def truth(request: Request, name: str, run: TrainedRun, data: str) -> float:
     return scale
 
 
-def _moved(condition: Condition, shown: picture.Picture) -> Condition:
+def _moved(condition: Condition, seen: picture.Picture) -> Condition:
     """A condition whose positions belong to the file's picture, for the canvas that it was put on."""
-    size, corner = np.tile(shown.size, 2), np.tile(shown.corner, 2)
+    size, corner = np.tile(seen.size, 2), np.tile(seen.corner, 2)
     grips = (corner + size * condition.grips).tolist()
     return replace(condition, grips=grips, velocity=(size * condition.velocity).tolist())
 

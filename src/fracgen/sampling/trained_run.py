@@ -99,6 +99,6 @@ def _cache(about: Mapping[str, Any], path: str) -> Mapping[str, Any]:
     folder = about["config"]["data"]["folder"]
     try:
         return index.load(Path(folder).expanduser()).about
-    except ValueError:
-        raise ValueError(f"run={path} does not say how its latents were made, and their cache is not at {folder} "
-                         "any more: start the command in the folder of the training.") from None  # fmt: skip
+    except ValueError as error:
+        raise ValueError(f"run={path} does not say how its latents were made, and their cache cannot be asked: {error} "
+                         "Start this command in the folder of the training.") from None  # fmt: skip
