@@ -152,16 +152,6 @@ def test_the_first_latent_frame_of_colour_can_be_given(solver: str) -> None:
     assert torch.equal(held, free)
 
 
-def test_the_network_may_compute_in_another_type_than_the_solver() -> None:
-    """bfloat16 has 8 bits: steps of 2^-8 of numbers up to 4 change the result by less than 4 * 2^-8 a unit of sigma."""
-    given = inputs()
-    x, levels = generate.initial(given, 0, [0, 1]), flow.levels(4, 5.0)
-    exact = generate.sample(Linear(), x, given, levels)
-    rough = generate.sample(Linear(), x, given, levels, dtype=torch.bfloat16)
-    assert rough.dtype == torch.float32
-    assert 0 < float((rough - exact).abs().max()) < 4 * 2**-8
-
-
 def test_progress_is_told_after_each_evaluation() -> None:
     ticks: list[int] = []
     given = inputs()

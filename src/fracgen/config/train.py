@@ -7,7 +7,6 @@ from fracgen.config.model import Model
 from fracgen.layout import STREAMS, ordered
 from fracsim.scene.knob import check, knob
 
-
 LARGE = 200_000_000
 """Parameters above which random weights are refused: so many do not learn video from a few thousand clips."""
 
@@ -170,8 +169,9 @@ class TrainConfig:
         check(self, "")
         t = self.trainer
         if self.model.train == "lora" and t.precision == "32-true" and t.base_dtype != "float32":
-            raise ValueError(f"trainer.base_dtype={t.base_dtype} needs trainer.precision=bf16-mixed, under which frozen "
-                             "weights of another type than float32 can be used: set it, or trainer.base_dtype=float32.")  # fmt: skip
+            raise ValueError(f"trainer.base_dtype={t.base_dtype} needs trainer.precision=bf16-mixed, which lets "
+                             "frozen weights have another type than float32: set it, or trainer.base_dtype="
+                             "float32.")  # fmt: skip
         if t.compile and t.offload_blocks:
             raise ValueError(f"trainer.offload_blocks={t.offload_blocks} does not go with compiled blocks: set "
                              "trainer.compile=false.")  # fmt: skip

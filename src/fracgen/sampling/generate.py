@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from fracgen import conditioning, draws, layout
-from fracgen.data.batch import Batch
+from fracgen import draws, layout
 from fracgen.denoiser import Inputs, Network, velocity
 from fracgen.sampling import solvers
 
@@ -17,17 +16,6 @@ PASSES = ("sequential", "batched")
 """How the two passes of guidance run: one after the other, or as one batch (faster, twice the memory)."""
 Advance = Callable[[], None]
 """Called after each evaluation of the velocity."""
-
-
-def inputs_of(batch: Batch, streams: Sequence[str], height: str = "tile") -> Inputs:
-    """What the network sees of a batch beside the noise; `height` is that of `config.conditioning.Conditioning`."""
-    count = len(layout.ordered(streams))
-    return Inputs(
-        channels=conditioning.channels(batch.force, batch.scalars, count, height),
-        reference=layout.pad_reference(batch.reference, count),
-        text=batch.text,
-        image=batch.image,
-    )
 
 
 def initial(inputs: Inputs, seed: int, keys: Sequence[int | str]) -> Tensor:
@@ -49,7 +37,6 @@ def sample(
     empty: Tensor | None = None,
     passes: str = "sequential",
     first: Tensor | None = None,
-    dtype: torch.dtype | None = None,
     advance: Advance | None = None,
 ) -> Tensor:
     """The joint latent [B, 16, T, S H, W] that `network` makes of the noise `x` of that shape.
@@ -57,20 +44,15 @@ def sample(
     `levels` are those of `flow.levels`, [steps + 1]. With a `guidance` g other than 1 the velocity is that without
     caption plus g times the difference that the caption makes (Ho and Salimans 2022; text only, as Wan does), where
     `empty` is the embedding of the empty caption, [1, 512, D]; at 1 there is no second pass. `first`, [B, 16, H, W],
-    is put in place of the first latent frame of colour. The network computes in `dtype` (None: that of `x`), the
-    solver in that of `x`. Raises ValueError for an unknown solver, or guidance without `empty`.
+    is put in place of the first latent frame of colour. The solver computes in the type of `x` and on its device, the
+    network in its own type. Raises ValueError for an unknown solver, or guidance without `empty`.
     """
-    field = _guided(network, _cast(inputs, x.device, dtype or x.dtype), guidance, empty, passes)
+    field = _guided(network, _each(inputs, lambda tensor: tensor.to(x)), guidance, empty, passes)
     if first is not None:
         field = _anchored(field, x, first.to(x))
     if advance is not None:
         field = _counted(field, advance)
     return solvers.load(solver).solve(field, x, levels)
-
-
-def _cast(inputs: Inputs, device: torch.device, dtype: torch.dtype) -> Inputs:
-    """The inputs where and in the type in which the network computes."""
-    return _each(inputs, lambda tensor: tensor.to(device, dtype))
 
 
 def _each(inputs: Inputs, change: Callable[[Tensor], Tensor]) -> Inputs:
@@ -117,7 +99,7 @@ def _batched(network: Network, inputs: Inputs, without: Inputs, guidance: float)
 def _evaluate(network: Network, x: Tensor, sigma: float, inputs: Inputs) -> Tensor:
     """The velocity [B, 16, T, S H, W] in the type of `x`."""
     level = torch.full((len(x),), sigma, dtype=torch.float32, device=x.device)
-    return velocity(network, x.to(inputs.channels.dtype), level, inputs).to(x.dtype)
+    return velocity(network, x, level, inputs).to(x.dtype)
 
 
 def _anchored(field: solvers.Field, noise: Tensor, first: Tensor) -> solvers.Field:

@@ -5,9 +5,7 @@ from typing import Any
 
 import torch
 from lightning import Callback, LightningModule, Trainer
-from torch import Tensor
 
-from fracgen.layout import PATCH
 from fracgen.training.meter import Meter
 from fracgen.training.module import Losses, Module
 
@@ -56,7 +54,7 @@ class Curves(Callback):
             self.train.add_by_level("loss/sigma", losses.flow, losses.sigma)
             self.train.add_histogram("sigma", losses.sigma)
             self.clock.clips += len(losses.flow)
-            self.clock.tokens += len(losses.flow) * tokens(module.window[0][0].latents)
+            self.clock.tokens += len(losses.flow) * module.tokens
         assert module.gradient_norm is not None
         self.train.add("grad_norm", module.gradient_norm)
 
@@ -111,6 +109,9 @@ class Curves(Callback):
 class Clock:
     """Time, clips and tokens since the last log entry, and the time that was spent waiting for data [s]."""
 
+    def __init__(self) -> None:
+        self.restart(torch.device("cpu"))
+
     def restart(self, device: torch.device) -> None:
         """Begin anew."""
         self.clips = self.tokens = 0
@@ -120,9 +121,11 @@ class Clock:
             torch.cuda.reset_peak_memory_stats(device)
 
     def arrived(self) -> None:
+        """Data are there: what has passed was waiting."""
         self.waited += time.perf_counter() - self.last
 
     def left(self) -> None:
+        """A step is done: what comes is waiting."""
         self.last = time.perf_counter()
 
     def pause(self) -> None:
@@ -166,13 +169,6 @@ def add(meter: Meter, prefix: str, module: Module, losses: Losses) -> None:
         meter.add(f"{prefix}gate/std", losses.constitutive.gate_std)
 
 
-def tokens(latents: dict[str, Tensor]) -> int:
-    """Tokens of a clip with latents [B, C, T, H, W] by stream, those of the reference among them."""
-    first = next(iter(latents.values()))
-    t, h, w = first.shape[-3:]
-    return (t + 1) * len(latents) * (h // PATCH) * (w // PATCH)
-
-
 def peak_memory(device: torch.device) -> int:
     """Largest memory so far [B]: that of tensors on a GPU, of the process on a CPU."""
     if device.type == "cuda":
@@ -185,9 +181,10 @@ def peak_memory(device: torch.device) -> int:
 @torch.no_grad()
 def norms(module: Module) -> dict[str, float]:
     """Norms of what is trained: all of it, and lora_B, which is zero as long as an adapter changes nothing."""
-    parts = {"norm/trained": [p for _, p in module.trained()],
-             "norm/lora_B": [p for name, p in module.trained() if ".lora_B." in name],
-             "norm/const_maps": [] if module.constitutive is None else list(module.constitutive.parameters())}  # fmt: skip
+    named, maps = list(module.trained()), module.constitutive
+    parts = {"norm/trained": [p for _, p in named],
+             "norm/lora_B": [p for name, p in named if ".lora_B." in name],
+             "norm/const_maps": [] if maps is None else list(maps.parameters())}  # fmt: skip
     return {name: float(torch.nn.utils.get_total_norm(ps)) for name, ps in parts.items() if ps}
 
 

@@ -16,6 +16,7 @@ from fracgen.training.curves import Curves
 from fracgen.training.ema import Ema
 from fracgen.training.module import Module
 from fracgen.training.runs import TRAINED, Run
+from fracgen.training.stream import StageData
 
 
 class Ending(Callback):
@@ -34,10 +35,20 @@ class Ending(Callback):
             self._validate(trainer)
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Validate, write the trained weights, and mark the run as finished."""
+        """Validate what the run ends with, and finish it."""
         assert isinstance(pl_module, Module)
         if pl_module.cfg.trainer.val_steps:
             self._validate(trainer)
+        self.finish(trainer, pl_module)
+
+    def late(self, trainer: Trainer, module: Module, data: StageData) -> None:
+        """Do the same for a run that was stopped behind its last step, which Lightning does not begin."""
+        if self.curves.validated != trainer.global_step and module.cfg.trainer.val_steps and data.val_clips:
+            trainer.validate(module, datamodule=data, verbose=False)
+        self.finish(trainer, module)
+
+    def finish(self, trainer: Trainer, pl_module: Module) -> None:
+        """Write the trained weights, and mark the run as finished; all processes call this together."""
         if trainer.is_global_zero:
             trained.save(self.run.folder / TRAINED, self._weights(pl_module), self._about(pl_module))
             facts = {"stage": self.run.stage, "id": self.run.id, "steps": trainer.global_step, "parent": self.parent,

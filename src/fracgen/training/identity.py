@@ -1,4 +1,4 @@
-"""What shapes the weights of a run, and its hash: equal trainings share a folder, whatever their labels and machines."""
+"""What shapes the weights of a run, and its hash: equal trainings share a folder, whatever label and machine."""
 
 import hashlib
 import json

@@ -1,7 +1,7 @@
 """Where curves go: a CSV file in the folder of the run, and beside it wandb or TensorBoard.
 
-wandb is offline unless WANDB_API_KEY or WANDB_MODE say otherwise; `wandb sync FOLDER/wandb/offline-run-*` uploads later.
-A run that goes on writes into the same curves.
+wandb is offline unless WANDB_API_KEY or WANDB_MODE say otherwise; `wandb sync FOLDER/wandb/offline-run-*` uploads
+later. A run that goes on writes into the same curves.
 """
 
 import csv
@@ -112,4 +112,5 @@ class Csv(Logger):
 def read(path: Path) -> dict[int, dict[str, str]]:
     """The rows of such a table by step; a row that was not written to its end is left out."""
     with path.open(newline="", encoding="utf-8") as file:
-        return {int(row[STEP]): row for row in csv.DictReader(file) if (row[STEP] or "").isdigit() and None not in row.values()}  # fmt: skip
+        rows = [row for row in csv.DictReader(file) if None not in row.values()]
+    return {int(row[STEP]): row for row in rows if row[STEP].isdigit()}

@@ -23,9 +23,6 @@ from fracgen.model import FracTransformer
 from fracgen.training import network, noising, schedule
 from fracgen.training.noising import Noised
 
-KEYS = ("indices", "epoch", "slot")
-"""Entries of a batch that stay on the CPU, where random numbers are drawn."""
-
 
 class Losses(NamedTuple):
     """The losses of a batch; without gradient but for `total`."""
@@ -57,6 +54,8 @@ class Module(LightningModule):
         """Forward passes of this process since the last optimiser step, and their losses."""
         self.gradient_norm: Tensor | None = None
         """Of the last optimiser step, before it was clipped."""
+        self.tokens = 0
+        """Tokens of a clip."""
         self.guard: Callable[[Module], None] = lambda module: None
         """Called before each optimiser step; it raises to prevent it."""
 
@@ -91,26 +90,20 @@ class Module(LightningModule):
 
     # Hooks of Lightning
 
-    def on_fit_start(self) -> None:
-        """On its device, the network gets what depends on it."""
-        network.settle(self.transformer, self.cfg)
+    def setup(self, stage: str) -> None:
+        """Before it moves to its device, the network gets what depends on it."""
+        network.settle(self.transformer, self.cfg, self.trainer.strategy.root_device, self.tokens)
 
     def on_train_batch_end(self, outputs: Any, batch: Batch, batch_idx: int) -> None:
         """After the callbacks: forget the forward passes of an optimiser step."""
         if len(self.window) == self.trainer.accumulate_grad_batches:
             self.window = []
 
-    def transfer_batch_to_device(self, batch: Batch, device: torch.device, dataloader_idx: int) -> Batch:
-        """All but the keys of random draws, which would have to wait for the device."""
-        keys = {name: getattr(batch, name) for name in KEYS}
-        moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
-        return moved._replace(**keys)
-
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """The loss of a forward pass."""
         losses = self.losses(batch, self.draw(batch), self.global_step)
         self.window.append((batch, losses._replace(total=losses.total.detach())))
-        return losses.total
+        return self.cfg.trainer.context_parallel * losses.total  # each process has the gradient of its tokens only
 
     def validation_step(self, batch: Batch, batch_idx: int) -> list[Losses]:
         """The losses at noise levels (k + 1/2) / n, with the same noise each time."""

@@ -21,9 +21,9 @@ def run(file: Path | str) -> str:
     Raises ValueError when the file cannot be read.
     """
     module, batch, step = load(file)
-    device = "cuda" if torch.cuda.is_available() else "cpu"
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    network.settle(module.transformer, module.cfg, device, module.tokens)
     module.to(device)
-    network.settle(module.transformer, module.cfg)
     lines = [f"{file}: optimiser step {step}, {len(batch.ids)} clips"]
     for precision in dict.fromkeys((module.cfg.trainer.precision, "32-true")):
         if precision == "32-true" and module.cfg.trainer.base_dtype != "float32" and module.cfg.model.train == "lora":
@@ -40,7 +40,9 @@ def load(file: Path | str) -> tuple[Module, Batch, int]:
             about = json.loads((content.metadata() or {})["about"])
             tensors = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118
     except (OSError, KeyError, ValueError, SafetensorError) as error:
-        raise ValueError(f"replay={file} cannot be read ({error}): give a file nan-STEP.safetensors of a run.") from None
+        raise ValueError(
+            f"replay={file} cannot be read ({error}): give a file nan-STEP.safetensors of a run."
+        ) from None
     cfg = of_dict(about["config"])
     recipe = Recipe(**about["recipe"])
     module = Module(cfg, recipe, network.build(cfg, tuple(recipe.streams)), total=1)
@@ -62,7 +64,7 @@ def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
 
 
-def one(batch: Batch, k: int, device: str) -> Batch:
+def one(batch: Batch, k: int, device: torch.device) -> Batch:
     """Clip `k` of a batch, as a batch [1, ...] on a device; keys of random draws stay on the CPU."""
     keys = {"indices": batch.indices[k : k + 1], "epoch": batch.epoch[k : k + 1], "slot": batch.slot[k : k + 1]}
     parts = {name: t[k : k + 1].to(device) for name, t in batch._asdict().items()
@@ -74,7 +76,8 @@ def one(batch: Batch, k: int, device: str) -> Batch:
 def attempt(module: Module, batch: Batch, step: int, precision: str) -> str:
     """Loss by stream and norm of the gradient of a batch, and the first layer whose output is not finite."""
     culprits: list[str] = []
-    hooks = [m.register_forward_hook(_looker(name, culprits)) for name, m in module.named_modules() if not list(m.children())]  # fmt: skip
+    leaves = [(name, layer) for name, layer in module.named_modules() if not list(layer.children())]
+    hooks = [layer.register_forward_hook(_looker(name, culprits)) for name, layer in leaves]
     try:
         module.zero_grad()
         with torch.autocast(batch.force.device.type, torch.bfloat16, enabled=precision == "bf16-mixed"):
@@ -86,7 +89,8 @@ def attempt(module: Module, batch: Batch, step: int, precision: str) -> str:
     norm = nn.utils.get_total_norm([p.grad for _, p in module.trained() if p.grad is not None])
     streams = ", ".join(f"{n} {v:.4g}" for n, v in zip(module.streams, losses.streams[0].tolist(), strict=True))
     where = f", first not finite: {culprits[0]}" if culprits else ""
-    return f"loss {float(losses.total):.4g} ({streams}), sigma {float(losses.sigma):.3f}, gradient {float(norm):.4g}{where}"
+    sigma = float(losses.sigma)
+    return f"loss {float(losses.total):.4g} ({streams}), sigma {sigma:.3f}, gradient {float(norm):.4g}{where}"
 
 
 def _looker(name: str, culprits: list[str]) -> Any:

@@ -1,6 +1,8 @@
-"""The stages of a training: each starts from the weights of the one before, with a fresh optimiser, or goes on itself."""
+"""The stages of a training: each starts from the weights of the one before, or goes on where it was stopped."""
 
+import logging
 import sys
+import warnings
 from pathlib import Path
 
 from lightning import Callback, Trainer
@@ -51,18 +53,22 @@ def train(cfg: TrainConfig, stage: int, parent: Path | None = None) -> Run:
         _say(f"finished before: {this.folder} (output.overwrite=true repeats it)")
         return this
     processes = count(cfg)
-    accumulation = schedule.accumulation(cfg.trainer, processes)
+    accumulation = schedule.accumulation(cfg.trainer, processes // cfg.trainer.context_parallel)
     content = checkpoint.read(this)
     data.first, data.total = checkpoint.step_of(content), schedule.total_steps(recipe, data.steps_per_epoch)
     module = Module(cfg, recipe, network.build(cfg, tuple(recipe.streams)), data.total)
+    module.tokens = data.tokens
     if parent is not None and content is None:
         inherit(module, parent, base)
     module.guard = Guard(this.folder)
     if first_process():
         this.begin(cfg)
     _say(f"stage {stage}: {this.folder}, step {data.first} of {data.total}" + (f", from {parent}" if parent else ""))
-    trainer = _trainer(module, data, this, processes, accumulation, Restore(this, content), str(parent or ""))
+    callbacks, ending = _callbacks(module, data, Restore(this, content), this, str(parent or ""))
+    trainer = _trainer(module, data, this, processes, accumulation, callbacks)
     trainer.fit(module, datamodule=data)
+    if data.first == data.total:
+        ending.late(trainer, module, data)
     _say(f"finished: {this.folder}")
     return this
 
@@ -128,10 +134,11 @@ def count(cfg: TrainConfig) -> int:
 
 
 def _trainer(
-    module: Module, data: StageData, this: Run, processes: int, accumulation: int, restore: Restore, parent: str
+    module: Module, data: StageData, this: Run, processes: int, accumulation: int, callbacks: list[Callback]
 ) -> Trainer:
+    """What runs the loop; checkpoints, progress, validation at the ends and samplers are ours."""
     t = module.cfg.trainer
-    written = loggers.build(module.cfg, this, restore.step)
+    _quieten()
     every = t.val_steps if data.val_clips else 0
     return Trainer(
         accelerator=t.accelerator, devices=processes // t.nodes, num_nodes=t.nodes, precision=t.precision,  # type: ignore[arg-type]
@@ -140,25 +147,29 @@ def _trainer(
         val_check_interval=every * accumulation or None, check_val_every_n_epoch=None,
         limit_val_batches=1.0 if every else 0, num_sanity_val_steps=0, inference_mode=False,
         use_distributed_sampler=False, enable_checkpointing=False, enable_progress_bar=False,
-        enable_model_summary=False, logger=written, callbacks=_callbacks(module, data, this, restore, parent),
-        default_root_dir=this.folder,
+        enable_model_summary=False, log_every_n_steps=1, default_root_dir=this.folder,
+        logger=loggers.build(module.cfg, this, data.first), callbacks=callbacks,
     )  # fmt: skip
 
 
-def _callbacks(module: Module, data: StageData, this: Run, restore: Restore, parent: str) -> list[Callback]:
-    """In the order in which they see a step: averaging before it is saved, clock last."""
+def _callbacks(
+    module: Module, data: StageData, restore: Restore, this: Run, parent: str
+) -> tuple[list[Callback], Ending]:
+    """In the order in which they see a step: the average is updated before it is saved, the clock is last."""
     t = module.cfg.trainer
     curves = Curves(t.log_steps, data.steps_per_epoch)
     ema = Ema(t.ema) if t.ema else None
-    return [
-        restore,
-        *([ema] if ema else []),
-        curves,
-        Bar(f"stage {this.stage}", curves),
-        Saver(this.checkpoint, t.save_minutes, t.save_steps, data.steps_per_epoch),
-        Ending(this, curves, ema, parent),
-        Departure(curves.clock),
-    ]
+    ending = Ending(this, curves, ema, parent)
+    saver = Saver(this.checkpoint, t.save_minutes, t.save_steps, data.steps_per_epoch)
+    rest = [curves, Bar(f"stage {this.stage}", curves), saver, ending, Departure(curves.clock)]
+    return [restore, *([ema] if ema else []), *rest], ending
+
+
+def _quieten() -> None:
+    """Let Lightning tell only what goes wrong."""
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
+    for message in (r".*LeafSpec", r".*does not have many workers", r".*limit_val_batches"):
+        warnings.filterwarnings("ignore", message=message)
 
 
 def first_process() -> bool:

@@ -7,11 +7,16 @@ validation of an interrupted epoch (19549).
 
 from collections.abc import Iterator, Sequence
 
+import torch
 from torch.utils.data import DataLoader, Sampler
 
 from fracgen.config.train import TrainConfig
 from fracgen.data import Batch, DataModule, Place
 from fracgen.data.sampler import KeyedSampler
+from fracgen.layout import PATCH, latent_frames, latent_size
+
+KEYS = ("indices", "epoch", "slot")
+"""Entries of a batch that stay on the CPU, where random numbers are drawn."""
 
 
 class Stream(Sampler[Place]):
@@ -40,6 +45,24 @@ class StageData(DataModule):
         """Raises ValueError naming the field when the cache does not hold what this training needs."""
         super().__init__(cfg, streams)
         self.first = self.total = 0
+
+    @property
+    def tokens(self) -> int:
+        """Tokens of a clip, those of the reference among them."""
+        about = self.cache.about
+        w, h = latent_size(about["width"], about["height"])
+        return (1 + latent_frames(about["frames"])) * len(self.cache.streams) * (h // PATCH) * (w // PATCH)
+
+    def _ranks(self) -> tuple[int, int]:
+        """Number of this process, and how many there are; those that share their clips count as one."""
+        (rank, ranks), together = super()._ranks(), self.cfg.trainer.context_parallel
+        return rank // together, ranks // together
+
+    def transfer_batch_to_device(self, batch: Batch, device: torch.device, dataloader_idx: int) -> Batch:
+        """All but the keys of random draws, which would have to wait for the device."""
+        keys = {name: getattr(batch, name) for name in KEYS}
+        moved: Batch = super().transfer_batch_to_device(batch, device, dataloader_idx)
+        return moved._replace(**keys)
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """The training clips of this rank, a forward pass a batch."""
