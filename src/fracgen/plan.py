@@ -23,7 +23,7 @@ PETA = 1e15
 
 
 def task(cfg: Any) -> None:
-    """Print the plan of a composed configuration; raises ValueError when it does not fit."""
+    """Print the plan of a composed configuration; exit status 2 when it does not fit."""
     config = PLAN.resolve(cfg)
 
     from rich.console import Console
@@ -40,7 +40,8 @@ def task(cfg: Any) -> None:
     console.print(heading(config, found, clips, origin, target), shown)
     for one in found:
         if not one.memory.fits:
-            raise ValueError(planner.refusal(config, one, clips, target))
+            entry.complain(planner.refusal(config, one, clips, target))
+            sys.exit(entry.BAD)
 
 
 def clips_of(cfg: PlanConfig) -> "tuple[Clips, str]":
@@ -108,17 +109,17 @@ def work(cfg: PlanConfig, found: "list[Estimate]") -> Rows:
     plan, passes = cfg.plan, 1 + cfg.plan.guided
     step = cfg.trainer.effective_batch
     return {
-        "forward, linear layers [PFLOP a clip]": [f"{one.flops.linear / PETA:.4g}" for one in found],
+        "forward, linear layers (PFLOP a clip)": [f"{one.flops.linear / PETA:.4g}" for one in found],
         "forward, attention": [f"{one.flops.attention / PETA:.4g}" for one in found],
         f"computed again (checkpointing={cfg.trainer.checkpointing})": [
             f"{one.flops.recompute / PETA:.4g}" for one in found
         ],
         "backward": [f"{one.flops.backward / PETA:.4g}" for one in found],
-        f"optimiser step of {step} clips [PFLOP]": [f"{step * one.flops.total / PETA:.4g}" for one in found],
-        "a clip on one device [s]": [f"{one.seconds:.3g}" for one in found],
-        "an epoch [h]": [f"{one.epoch_hours:.3g}" for one in found],
-        "the stage [h]": [f"{one.hours:.3g}" for one in found],
-        f"sampling, {plan.steps} steps of {passes} passes [s a clip]": [
+        f"optimiser step of {step} clips (PFLOP)": [f"{step * one.flops.total / PETA:.4g}" for one in found],
+        "a clip on one device (s)": [f"{one.seconds:.3g}" for one in found],
+        "an epoch (h)": [f"{one.epoch_hours:.3g}" for one in found],
+        "the stage (h)": [f"{one.hours:.3g}" for one in found],
+        f"sampling, {plan.steps} steps of {passes} passes (s a clip)": [
             f"{one.sampling_seconds(plan.steps, passes):.3g}" for one in found
         ],
     }
@@ -127,7 +128,7 @@ def work(cfg: PlanConfig, found: "list[Estimate]") -> Rows:
 def bytes_(found: "list[Estimate]") -> Rows:
     """Memory of a device."""
     return {
-        "frozen weights [GiB]": gib([one.memory.frozen for one in found]),
+        "frozen weights (GiB)": gib([one.memory.frozen for one in found]),
         "trained weights": gib([one.memory.trained for one in found]),
         "gradients": gib([one.memory.gradients for one in found]),
         "states of the optimiser": gib([one.memory.states for one in found]),
