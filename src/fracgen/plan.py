@@ -59,7 +59,9 @@ def clips_of(cfg: PlanConfig) -> "tuple[Clips, str]":
         numbers = cache.numbers(cfg.data.train_split, cfg.data.objects)[: cfg.data.limit or None]
         return clips_of(cache.about, len(numbers)), f"of data.folder={cfg.data.folder}"
     number = min(plan.clips, cfg.data.limit or plan.clips)
-    return Clips(plan.width, plan.height, plan.frames, number), f"as plan.* says: data.folder={cfg.data.folder} is empty"
+    return Clips(
+        plan.width, plan.height, plan.frames, number
+    ), f"as plan.* says: data.folder={cfg.data.folder} is empty"
 
 
 def heading(cfg: PlanConfig, found: "list[Estimate]", clips: "Clips", origin: str, target: "Device") -> str:

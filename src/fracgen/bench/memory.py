@@ -16,14 +16,15 @@ from fracgen.memory.live import LiveBytes
 from fracgen.memory.size import Size
 
 MB = 1e6
-NEAR = 15.0
-"""Largest difference between plan and measurement [%]."""
+NEAR = 5.0
+"""Largest difference between plan and measurement [%]: what the losses keep is not planned."""
 
 
 def rows(quick: bool = False) -> Iterator[Row]:
     """Measured and planned peak, and the difference, of each size, precision and mode of checkpointing."""
     cuda = torch.cuda.is_available()
-    for name, model in cases.MODELS.items():
+    for name in ("tiny",) if quick else cases.MODELS:
+        model = cases.MODELS[name]
         size = Size(32, 32, 5, 2) if quick else cases.SIZES[name]
         for precision in ("32-true",) if quick else ("32-true", "bf16-mixed"):
             for mode in cases.MODES:
@@ -33,8 +34,8 @@ def rows(quick: bool = False) -> Iterator[Row]:
                 label = f"{name} ({model.train}), {size.tokens} tokens, {precision}, checkpointing={mode}"
                 yield Row("peak memory, measured", label, found / MB, "MB")
                 yield Row("peak memory, planned", label, planned / MB, "MB")
-                difference = 100 * (planned / found - 1)
-                yield Row("planned over measured", label, difference, "%", None if quick else NEAR)
+                difference = 100 * abs(planned / found - 1)
+                yield Row("difference", label, difference, "%", None if quick else NEAR)
 
 
 def plan(cfg: TrainConfig, size: Size) -> int:

@@ -33,7 +33,9 @@ def set_mode(transformer: WanTransformer3DModel, mode: str) -> None:
     if mode == "none":
         transformer.disable_gradient_checkpointing()
         return
-    settings: dict[str, Any] = {"use_reentrant": False}  # the reentrant form loses gradients of a frozen base's adapters
+    settings: dict[str, Any] = {
+        "use_reentrant": False
+    }  # the reentrant form loses gradients of a frozen base's adapters
     if mode == "selective":
         settings["context_fn"] = partial(create_selective_checkpoint_contexts, _policy)
 

@@ -15,8 +15,6 @@ ORDER = ("none", "selective", "full")
 """Checkpointing, from the fastest to the one that keeps least."""
 
 
-
-
 class Case(NamedTuple):
     """A training of some streams on clips of a size, and what was changed to get there."""
 
