@@ -3,12 +3,15 @@
 from dataclasses import dataclass, field
 
 from fracgen.config.conditioning import Conditioning
-from fracgen.config.model import Model
+from fracgen.config.model import Model, Vae
 from fracgen.layout import STREAMS, ordered
 from fracsim.scene.knob import check, knob
 
 LARGE = 200_000_000
 """Parameters above which random weights are refused: so many do not learn video from a few thousand clips."""
+
+LARGE_VAE = 32
+"""vae.base_dim above which a VAE is the released one, whose weights must be given."""
 
 
 @dataclass(kw_only=True)
@@ -124,8 +127,8 @@ class Logger:
                      "it; none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
     project: str = knob("fracgen", "project of wandb")
     group: str = knob("", "group of wandb; empty = the name of the experiment")
-    vae: str = knob("", "folder or file of the VAE that decodes videos; empty = no videos")
-    videos: int = knob(4, "clips of the validation that are sampled and shown; 0 = none", least=0, most=64)
+    videos: int = knob(4, "clips of the validation that are sampled and shown at each validation; 0 = none; they need "
+                       "the VAE of the cache", least=0, most=64)  # fmt: skip
     video_steps: int = knob(20, "sampling steps of these", least=1, most=1000)
 
     def __post_init__(self) -> None:
@@ -157,6 +160,7 @@ class TrainConfig:
                        "not finite")  # fmt: skip
     seed: int = knob(0, "seed of weights, order, noise and noise levels", least=0, most=2**31 - 1)
     model: Model = field(default_factory=Model)
+    vae: Vae = field(default_factory=Vae)
     conditioning: Conditioning = field(default_factory=Conditioning)
     data: Data = field(default_factory=Data)
     loss: Loss = field(default_factory=Loss)

@@ -7,7 +7,7 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 
 from fracgen.training.meter import Meter
-from fracgen.training.module import Losses, Module
+from fracgen.training.module import PASSES, Losses, Module
 
 
 class Curves(Callback):
@@ -81,7 +81,7 @@ class Curves(Callback):
     ) -> None:  # fmt: skip
         """Add the losses of a batch at all noise levels."""
         assert isinstance(pl_module, Module)
-        for losses in outputs:
+        for losses in outputs[PASSES]:
             add(self.validation, "val/", pl_module, losses)
             self.validation.add_by_level("val/loss/sigma", losses.flow, losses.sigma)
             for k, name in enumerate(pl_module.streams):

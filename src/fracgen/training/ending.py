@@ -4,6 +4,7 @@ They happen inside Lightning's fit, where all processes are together.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -22,9 +23,10 @@ from fracgen.training.stream import StageData
 class Ending(Callback):
     """Validates when a run goes on behind one that was broken off, and at its end; then writes what was trained."""
 
-    def __init__(self, run: Run, curves: Curves, ema: Ema | None, parent: str) -> None:
-        """`parent` is the folder of the run whose weights this one started from, or empty."""
-        self.run, self.curves, self.ema, self.parent = run, curves, ema, parent
+    def __init__(self, run: Run, curves: Curves, ema: Ema | None, parent: str, cache: Mapping[str, Any]) -> None:
+        """`parent` is the folder of the run whose weights this one started from, or empty; `cache` says how its latents
+        were made."""
+        self.run, self.curves, self.ema, self.parent, self.cache = run, curves, ema, parent, dict(cache)
         self._start = time.monotonic()
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -76,5 +78,5 @@ class Ending(Callback):
         return {
             "stage": self.run.stage, "streams": list(module.streams), "model": asdict(cfg.model),
             "base": self.run.content["base"], "scalars": list(SCALARS), "conditioning": asdict(cfg.conditioning),
-            "config": asdict(cfg), "id": self.run.id, "identity": self.run.content,
+            "config": asdict(cfg), "cache": self.cache, "id": self.run.id, "identity": self.run.content,
         }  # fmt: skip

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from lightning.pytorch.utilities.rank_zero import rank_zero_only
 from safetensors.torch import save_file
 from torch import Tensor
 
 from fracgen.data.batch import Batch
 from fracgen.layout import STREAMS
 from fracgen.training.module import Losses, Module
+from fracgen.training.ranks import rank
 
 BATCH, WEIGHTS = "batch.", "weights."
 """What names of tensors in a file begin with."""
@@ -50,8 +50,7 @@ def broken(window: Sequence[tuple[Batch, Losses]]) -> list[tuple[Batch, Losses]]
 
 def save(folder: Path, module: Module, batches: Sequence[Batch]) -> Path:
     """Write batches, trained weights and configuration to a file in the folder of the run, and return it."""
-    rank = rank_zero_only.rank or 0
-    file = folder / f"nan-{module.global_step}{f'-rank{rank}' if rank else ''}.safetensors"
+    file = folder / f"nan-{module.global_step}{f'-rank{rank()}' if rank() else ''}.safetensors"
     together = concatenated(batches)
     tensors = {f"{BATCH}{name}": t for name, t in flat(together).items()}
     tensors.update({f"{WEIGHTS}{name}": p.detach() for name, p in module.trained()})

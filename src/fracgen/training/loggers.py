@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from lightning.pytorch.loggers import Logger, TensorBoardLogger, WandbLogger
-from lightning.pytorch.utilities.rank_zero import rank_zero_only
 
 from fracgen.config.train import TrainConfig
+from fracgen.training.ranks import rank
 from fracgen.training.runs import METRICS, Run
 
 STEP = "step"
@@ -44,7 +44,7 @@ def _wandb(cfg: TrainConfig, run: Run) -> Logger:
     except ModuleNotFoundError:
         raise ValueError("logger.kind=wandb needs the package wandb: pip install 'fracsim[watch]', or set "
                          "logger.kind=csv.") from None  # fmt: skip
-    if (rank_zero_only.rank or 0) == 0:
+    if rank() == 0:
         logger.experiment.define_metric("trainer/global_step")
         logger.experiment.define_metric("*", step_metric="trainer/global_step")
     return logger
@@ -67,7 +67,7 @@ class Csv(Logger):
         self.path = path
         self._rows: dict[int, dict[str, str]] = {}
         self._columns: list[str] = []
-        if (rank_zero_only.rank or 0) == 0 and path.is_file():
+        if rank() == 0 and path.is_file():
             self._rows = {step: row for step, row in read(path).items() if step <= first}
             self._columns = list(next(iter(self._rows.values()), {}))
             self._write()
@@ -82,13 +82,13 @@ class Csv(Logger):
         """None is needed."""
         return ""
 
-    @rank_zero_only
     def log_hyperparams(self, params: Any, *args: Any, **kwargs: Any) -> None:
         """The configuration is a file of its own."""
 
-    @rank_zero_only
     def log_metrics(self, metrics: Mapping[str, float], step: int | None = None) -> None:
-        """Write the values of a step; they join those that it has."""
+        """Write the values of a step, in the first process; they join those that it has."""
+        if rank() > 0:
+            return
         row = {STEP: str(step), **{name: f"{value:.9g}" for name, value in metrics.items()}}
         new, known = [name for name in row if name not in self._columns], int(step or 0) in self._rows
         self._rows.setdefault(int(step or 0), {}).update(row)

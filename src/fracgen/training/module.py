@@ -23,6 +23,9 @@ from fracgen.model import FracTransformer
 from fracgen.training import network, noising, schedule
 from fracgen.training.noising import Noised
 
+PASSES = "passes"
+"""Entry of what a validation step gives."""
+
 
 class Losses(NamedTuple):
     """The losses of a batch; without gradient but for `total`."""
@@ -105,13 +108,13 @@ class Module(LightningModule):
         self.window.append((batch, losses._replace(total=losses.total.detach())))
         return self.cfg.trainer.context_parallel * losses.total  # each process has the gradient of its tokens only
 
-    def validation_step(self, batch: Batch, batch_idx: int) -> list[Losses]:
+    def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Losses]]:
         """The losses at noise levels (k + 1/2) / n, with the same noise each time."""
         n, noise = self.cfg.trainer.val_levels, noising.noise(batch, self.cfg.seed, validation=True)
         conditions = noising.inputs(batch, self.cfg.conditioning, self.cfg.seed, train=False)
         levels = (torch.full((len(batch.ids),), (k + 0.5) / n) for k in range(n))
-        return [self.losses(batch, noising.noised(batch, noise, sigma, conditions), self.global_step)
-                for sigma in levels]  # fmt: skip
+        passes = [noising.noised(batch, noise, sigma, conditions) for sigma in levels]
+        return {PASSES: [self.losses(batch, noised, self.global_step) for noised in passes]}
 
     def configure_optimizers(self) -> Optimizer:
         """AdamW; the maps of the constitutive loss have a learning rate of their own and no weight decay."""

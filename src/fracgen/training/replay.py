@@ -27,7 +27,7 @@ def run(file: Path | str) -> str:
     lines = [f"{file}: optimiser step {step}, {len(batch.ids)} clips"]
     for precision in dict.fromkeys((module.cfg.trainer.precision, "32-true")):
         if precision == "32-true" and module.cfg.trainer.base_dtype != "float32" and module.cfg.model.train == "lora":
-            module.transformer.float()  # what the base in bfloat16 says when it is computed in float32
+            module.transformer.to(torch.float32)  # what the base in bfloat16 says when it is computed in float32
         for k, name in enumerate(batch.ids):
             lines.append(f"{precision}  {name}: {attempt(module, one(batch, k, device), step, precision)}")
     return "\n".join(lines)

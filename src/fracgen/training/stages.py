@@ -7,12 +7,11 @@ from pathlib import Path
 
 from lightning import Callback, Trainer
 from lightning.pytorch.strategies import DDPStrategy
-from lightning.pytorch.utilities.rank_zero import rank_zero_only
 
 from fracgen import model
 from fracgen.config.train import TrainConfig
 from fracgen.model import trained
-from fracgen.training import checkpoint, identity, loggers, network, runs, schedule
+from fracgen.training import checkpoint, identity, loggers, mosaic, network, runs, schedule
 from fracgen.training.checkpoint import Restore
 from fracgen.training.curves import Curves, Departure
 from fracgen.training.ema import Ema
@@ -20,6 +19,7 @@ from fracgen.training.ending import Ending
 from fracgen.training.guard import Guard
 from fracgen.training.module import Module
 from fracgen.training.progress import Bar
+from fracgen.training.ranks import rank
 from fracgen.training.runs import Run
 from fracgen.training.saving import Saver
 from fracgen.training.stream import StageData
@@ -159,9 +159,17 @@ def _callbacks(
     t = module.cfg.trainer
     curves = Curves(t.log_steps, data.steps_per_epoch)
     ema = Ema(t.ema) if t.ema else None
-    ending = Ending(this, curves, ema, parent)
+    ending = Ending(this, curves, ema, parent, data.cache.about)
     saver = Saver(this.checkpoint, t.save_minutes, t.save_steps, data.steps_per_epoch)
-    rest = [curves, Bar(f"stage {this.stage}", curves), saver, ending, Departure(curves.clock)]
+    mosaics = mosaic.build(module.cfg, data, this.folder)
+    rest = [
+        curves,
+        *([mosaics] if mosaics else []),
+        Bar(f"stage {this.stage}", curves),
+        saver,
+        ending,
+        Departure(curves.clock),
+    ]
     return [restore, *([ema] if ema else []), *rest], ending
 
 
@@ -174,7 +182,7 @@ def _quieten() -> None:
 
 def first_process() -> bool:
     """Whether this is the first process of a training, which alone writes and tells."""
-    return (rank_zero_only.rank or 0) == 0
+    return rank() == 0
 
 
 def _say(text: str) -> None:
