@@ -18,7 +18,7 @@ from torch import Tensor
 
 from fracgen.layout import CHANNELS
 from fracsim.camera import project, view_of
-from fracsim.dataset.classes import class_of
+from fracsim.dataset.classes import TRAINING_FRAMES, class_of
 from fracsim.records import Array
 from fracsim.scene.knob import check, describe, knob
 from fracsim.scene.vocab import CENTRE, Scene
@@ -76,7 +76,7 @@ def load(path: Path | str) -> Condition:
     """The condition in a JSON file; raises ValueError naming the file, and the field that is missing or wrong."""
     try:
         content = json.loads(Path(path).expanduser().read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"condition={path} cannot be read ({error}): give a JSON file with the fields of "
                          "fracgen.conditioning.Condition.") from None  # fmt: skip
     known = [f.name for f in fields(Condition)]
@@ -86,7 +86,17 @@ def load(path: Path | str) -> Condition:
         raise ValueError(f"condition={path} has {given}: a condition has {', '.join(needed)}, and may have fps and "
                          "caption.")  # fmt: skip
     _check_types(content, path)
-    return Condition(**content)
+    try:
+        return Condition(**{name: _floats(value) for name, value in content.items()})
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"condition={path}: {error}") from None
+
+
+def _floats(value: Any) -> Any:
+    """A number, or each of a list, as a float; raises OverflowError for a whole number beyond them."""
+    if isinstance(value, list):
+        return [float(v) for v in value]
+    return value if isinstance(value, str) else float(value)
 
 
 def _check_types(content: Mapping[str, Any], path: Path | str) -> None:
@@ -109,19 +119,20 @@ def save(condition: Condition, path: Path | str) -> None:
 def of_scene(scene: Scene) -> Condition:
     """The condition of a simulated scene, whose grips are seen by its camera.
 
-    Raises ValueError when a grip is behind the camera.
+    The velocities are means over the frames of training. Seen from the front they are exact; an oblique camera sees a
+    grip that comes nearer speed up, which `scene_paths` knows. Raises ValueError when a grip is behind the camera.
     """
-    points = grip_points(scene, np.array([0.0, 1.0 / scene.capture.fps]))
+    duration = max(min(scene.capture.frames, TRAINING_FRAMES) - 1, 1) / scene.capture.fps
+    points = grip_points(scene, np.array([0.0, duration]))
     view = view_of(scene)
     px, _ = project(view, points.reshape(-1, 3))
-    first, second = px.reshape(2, 2, 2) / (view.width, view.height)
     if not np.isfinite(px).all():
         raise ValueError("camera: a grip lies behind the camera, so it has no place in the picture; move the camera.")
+    first, last = px.reshape(2, 2, 2) / (view.width, view.height)
     m, f = scene.material, scene.fracture
     return Condition(
         E=m.E, nu=m.nu, category=_category(scene), onset=f.onset, crit=f.crit,
-        grips=first.ravel().tolist(), velocity=((second - first) * scene.capture.fps).ravel().tolist(),
-        fps=scene.capture.fps,
+        grips=first.ravel().tolist(), velocity=((last - first) / duration).ravel().tolist(), fps=scene.capture.fps,
     )  # fmt: skip
 
 

@@ -5,14 +5,19 @@ seeds all ranks alike, and restores no generator of a worker.)
 """
 
 import hashlib
+from operator import index
 
 import torch
 from torch import Tensor
 
 
 def generator(*key: int | str) -> torch.Generator:
-    """A generator on the CPU for a key, as (seed, epoch, sample, "noise"); equal keys give equal numbers."""
-    digest = hashlib.blake2b("\0".join(map(repr, key)).encode(), digest_size=8).digest()
+    """A generator on the CPU for a key, as (seed, epoch, sample, "noise"); equal keys give equal numbers.
+
+    Whole numbers may be those of NumPy or of a tensor.
+    """
+    plain = (part if isinstance(part, str) else index(part) for part in key)
+    digest = hashlib.blake2b("\0".join(map(repr, plain)).encode(), digest_size=8).digest()
     return torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)
 
 

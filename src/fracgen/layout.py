@@ -58,6 +58,7 @@ def join(latents: Mapping[str, Tensor]) -> Tensor:
 
 def split(joint: Tensor, streams: Sequence[str]) -> dict[str, Tensor]:
     """The latent [B, C, T, H, W] of each stream of a joint latent [B, C, T, S H, W]; views, the inverse of `join`."""
+    assert joint.shape[-2] % len(streams) == 0, (joint.shape, streams)
     return dict(zip(ordered(streams), joint.chunk(len(streams), dim=-2), strict=True))
 
 

@@ -3,9 +3,15 @@
 from dataclasses import dataclass, field
 
 from fracgen.config.conditioning import Conditioning
-from fracgen.config.model import Model
+from fracgen.config.model import Model, Vae
 from fracgen.layout import STREAMS, ordered
 from fracsim.scene.knob import check, knob
+
+LARGE = 200_000_000
+"""Parameters above which random weights are refused: so many do not learn video from a few thousand clips."""
+
+LARGE_VAE = 32
+"""vae.base_dim above which a VAE is the released one, whose weights must be given."""
 
 
 @dataclass(kw_only=True)
@@ -75,8 +81,8 @@ class Loss:
     def __post_init__(self) -> None:
         check(self, "loss")
         if len(self.map_weights) != len(STREAMS) or not any(self.map_weights):
-            raise ValueError(f"loss.map_weights={self.map_weights} must have {len(STREAMS)} numbers, not all 0: one for "
-                             f"each of {', '.join(STREAMS)}.")  # fmt: skip
+            raise ValueError(f"loss.map_weights={self.map_weights} must have {len(STREAMS)} numbers, not all 0: one "
+                             f"for each of {', '.join(STREAMS)}.")  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -96,8 +102,8 @@ class Trainer:
     optimizer: str = knob("adamw", "adamw, or adamw8bit with states of 8 bit", choices=("adamw", "adamw8bit"))
     weight_decay: float = knob(0.01, "weight decay", least=0, most=1)
     clip: float = knob(1.0, "largest norm of the gradient; 0 = no limit", least=0)
-    checkpointing: str = knob("full", "recompute activations in the backward pass: none, full, or selective, which keeps "
-                              "the outputs of attention", choices=("none", "full", "selective"))  # fmt: skip
+    checkpointing: str = knob("full", "recompute activations in the backward pass: none, full, or selective, which "
+                              "keeps the outputs of attention", choices=("none", "full", "selective"))  # fmt: skip
     attention: str = knob("native", "back-end of attention, as diffusers names them: native, flash, _native_cudnn, ...")
     compile: bool = knob(False, "compile the blocks of the transformer")
     offload_blocks: int = knob(0, "blocks whose frozen weights wait in the memory of the host", least=0, most=1000)
@@ -106,6 +112,7 @@ class Trainer:
     save_minutes: float = knob(30.0, "minutes between checkpoints", least=0.01)
     save_steps: int = knob(250, "optimiser steps between checkpoints", least=1)
     val_steps: int = knob(250, "optimiser steps between validations; 0 = none", least=0)
+    val_levels: int = knob(5, "noise levels at which the validation judges each clip", least=1, most=100)
     log_steps: int = knob(10, "optimiser steps between log entries", least=1)
 
     def __post_init__(self) -> None:
@@ -116,11 +123,12 @@ class Trainer:
 class Logger:
     """Where curves and videos go."""
 
-    kind: str = knob("csv", "csv: files in the folder of the run; wandb (offline without a key) and tensorboard beside it; "
-                     "none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
+    kind: str = knob("csv", "csv: files in the folder of the run; wandb (offline without a key) and tensorboard beside "
+                     "it; none", choices=("csv", "wandb", "tensorboard", "none"))  # fmt: skip
     project: str = knob("fracgen", "project of wandb")
     group: str = knob("", "group of wandb; empty = the name of the experiment")
-    videos: int = knob(4, "clips of the validation that are sampled and shown; 0 = none", least=0, most=64)
+    videos: int = knob(4, "clips of the validation that are sampled and shown at each validation; 0 = none; they need "
+                       "the VAE of the cache", least=0, most=64)  # fmt: skip
     video_steps: int = knob(20, "sampling steps of these", least=1, most=1000)
 
     def __post_init__(self) -> None:
@@ -147,9 +155,12 @@ class TrainConfig:
     init_from: str = knob(
         "auto", "weights to start from: the run of the stage before (auto), a folder of a run, or none"
     )
-    experiment: str = knob("default", "name of the experiment (a label)")
+    name: str = knob("", "name of the experiment (a label)")
+    replay: str = knob("", "file nan-STEP.safetensors of a run that stopped: compute its step again and say what is "
+                       "not finite")  # fmt: skip
     seed: int = knob(0, "seed of weights, order, noise and noise levels", least=0, most=2**31 - 1)
     model: Model = field(default_factory=Model)
+    vae: Vae = field(default_factory=Vae)
     conditioning: Conditioning = field(default_factory=Conditioning)
     data: Data = field(default_factory=Data)
     loss: Loss = field(default_factory=Loss)
@@ -160,3 +171,21 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check(self, "")
+        t = self.trainer
+        if self.model.train == "lora" and t.precision == "32-true" and t.base_dtype != "float32":
+            raise ValueError(f"trainer.base_dtype={t.base_dtype} needs trainer.precision=bf16-mixed, which lets "
+                             "frozen weights have another type than float32: set it, or trainer.base_dtype="
+                             "float32.")  # fmt: skip
+        if t.compile and t.offload_blocks:
+            raise ValueError(f"trainer.offload_blocks={t.offload_blocks} does not go with compiled blocks: set "
+                             "trainer.compile=false.")  # fmt: skip
+
+
+def check_weights(model: Model) -> None:
+    """Raise ValueError when a large model has no weights to start from."""
+    dim = model.heads * model.head_dim
+    parameters = model.layers * (8 * dim**2 + 2 * dim * model.ffn_dim)  # two attentions and the feed-forward
+    if not model.path and parameters > LARGE:
+        raise ValueError("model.path is missing: set it to the folder of the weights of "
+                         "Wan2.1-Fun-V1.1-1.3B-Control, as model.path=weights/Wan2.1-Fun-V1.1-1.3B-Control. Without "
+                         "weights, model=tiny trains a small model from random ones.")  # fmt: skip

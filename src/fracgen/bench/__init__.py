@@ -1,0 +1,1 @@
+"""Measurements of the generator: time of a step, reading of clips, memory against its plan."""

@@ -1,0 +1,1 @@
+"""Training: the Lightning module that wires the parts, the stages, the folders of runs, callbacks and loggers."""
