@@ -12,20 +12,35 @@ from fracsim.scene.program import Program
 
 TRAIN: Program[TrainConfig] = Program("fracgen.train", "train", TrainConfig, optional=("experiment", "debug"))
 RESUME = "repeat the command to go on from the checkpoint"
+failed: list[str] = []
+"""Errors of the jobs of this process; a multirun goes on behind one."""
 
 
 def task(config: Any) -> None:
-    """Train what a composed configuration says; raises ValueError, and KeyboardInterrupt after a signal."""
-    cfg = TRAIN.resolve(config)
-    if not cfg.replay:
-        check_weights(cfg.model)
+    """Train what a composed configuration says; raises KeyboardInterrupt after a signal. Errors are told."""
+    from hydra.core.hydra_config import HydraConfig
+    from omegaconf import OmegaConf
 
-    from fracgen.training import replay, stages
-    from fracgen.training.saving import Stopped
+    overrides: Any = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
+    try:
+        _train(TRAIN.resolve(config, overrides))
+    except ValueError as error:
+        failed.append(str(error))
+        entry.complain(str(error))
 
+
+def _train(cfg: TrainConfig) -> None:
+    """Train, or compute a step again; raises ValueError."""
     if cfg.replay:
+        from fracgen.training import replay
+
         print(replay.run(cfg.replay))
         return
+    check_weights(cfg.model)  # before anything takes time
+
+    from fracgen.training import stages
+    from fracgen.training.saving import Stopped
+
     try:
         stages.run(cfg)
     except Stopped:
@@ -40,6 +55,8 @@ run = hydra.main(config_path=str(TRAIN.folder), config_name=TRAIN.primary, versi
 def main() -> None:
     """Entry point; exit status 0 after training, 2 after an error, 130 after Ctrl-C or SIGTERM."""
     entry.main(TRAIN, run, RESUME)
+    if failed:
+        sys.exit(entry.BAD)
 
 
 if __name__ == "__main__":

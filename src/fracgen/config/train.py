@@ -113,6 +113,7 @@ class Trainer:
     save_steps: int = knob(250, "optimiser steps between checkpoints", least=1)
     val_steps: int = knob(250, "optimiser steps between validations; 0 = none", least=0)
     val_levels: int = knob(5, "noise levels at which the validation judges each clip", least=1, most=100)
+    profile_steps: int = knob(0, "optimiser steps at the end that are profiled; 0 = none", least=0)
     log_steps: int = knob(10, "optimiser steps between log entries", least=1)
 
     def __post_init__(self) -> None:

@@ -37,20 +37,21 @@ class Constitutive(nn.Module):
         self.cfg = cfg
         self.f = _zero_map()
         self.g = _zero_map()
-        if cfg.gate == "affine":
-            self.gate_scale = nn.Parameter(torch.ones(CHANNELS, 1, 1, 1))
-            self.gate_bias = nn.Parameter(torch.zeros(CHANNELS, 1, 1, 1))
+        affine = cfg.gate == "affine"
+        self.gate_scale = nn.Parameter(torch.ones(CHANNELS, 1, 1, 1)) if affine else None
+        self.gate_bias = nn.Parameter(torch.zeros(CHANNELS, 1, 1, 1)) if affine else None
 
     def gate(self, damage: Tensor) -> Tensor:
         """Share of the stress that damage takes away, in (0, 1), [B, 16, T, H, W], of a damage latent of that shape."""
-        if self.cfg.gate == "affine":
+        if self.gate_scale is not None and self.gate_bias is not None:
             damage = self.gate_scale * damage + self.gate_bias
-        return torch.sigmoid(damage)
+        return damage.sigmoid()
 
     def target(self, strain: Tensor, gate: Tensor, scalars: Tensor) -> Tensor:
         """The stress latent of Eq. 8 after the gate, [B, 16, T, H, W]; `scalars` are [B, 6]."""
         first, second = lame(scalars, self.cfg.lame)
-        return (1 - gate) * (expand(first, strain) * self.f(strain) + expand(second, strain) * self.g(strain))
+        free: Tensor = expand(first, strain) * self.f(strain) + expand(second, strain) * self.g(strain)
+        return (1 - gate) * free
 
     def forward(self, clean: Mapping[str, Tensor], scalars: Tensor, sigma: Tensor, detach: bool = False) -> Terms:
         """The loss of each clip from estimates of the clean latents by stream, [B, 16, T, H, W] each.

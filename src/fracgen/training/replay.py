@@ -27,7 +27,8 @@ def run(file: Path | str) -> str:
     lines = [f"{file}: optimiser step {step}, {len(batch.ids)} clips"]
     for precision in dict.fromkeys((module.cfg.trainer.precision, "32-true")):
         if precision == "32-true" and module.cfg.trainer.base_dtype != "float32" and module.cfg.model.train == "lora":
-            module.transformer.to(torch.float32)  # what the base in bfloat16 says when it is computed in float32
+            for parameter in module.parameters():  # what a base in bfloat16 gives when it is computed in float32
+                parameter.data = parameter.data.float()
         for k, name in enumerate(batch.ids):
             lines.append(f"{precision}  {name}: {attempt(module, one(batch, k, device), step, precision)}")
     return "\n".join(lines)
@@ -90,7 +91,7 @@ def attempt(module: Module, batch: Batch, step: int, precision: str) -> str:
     streams = ", ".join(f"{n} {v:.4g}" for n, v in zip(module.streams, losses.streams[0].tolist(), strict=True))
     where = f", first not finite: {culprits[0]}" if culprits else ""
     sigma = float(losses.sigma)
-    return f"loss {float(losses.total):.4g} ({streams}), sigma {sigma:.3f}, gradient {float(norm):.4g}{where}"
+    return f"loss {losses.total.item():.4g} ({streams}), sigma {sigma:.3f}, gradient {float(norm):.4g}{where}"
 
 
 def _looker(name: str, culprits: list[str]) -> Any:

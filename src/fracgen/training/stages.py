@@ -18,6 +18,7 @@ from fracgen.training.ema import Ema
 from fracgen.training.ending import Ending
 from fracgen.training.guard import Guard
 from fracgen.training.module import Module
+from fracgen.training.profile import Profile
 from fracgen.training.progress import Bar
 from fracgen.training.ranks import rank
 from fracgen.training.runs import Run
@@ -162,15 +163,10 @@ def _callbacks(
     ending = Ending(this, curves, ema, parent, data.cache.about)
     saver = Saver(this.checkpoint, t.save_minutes, t.save_steps, data.steps_per_epoch)
     mosaics = mosaic.build(module.cfg, data, this.folder)
-    rest = [
-        curves,
-        *([mosaics] if mosaics else []),
-        Bar(f"stage {this.stage}", curves),
-        saver,
-        ending,
-        Departure(curves.clock),
-    ]
-    return [restore, *([ema] if ema else []), *rest], ending
+    profile = [Profile(this.folder, t.profile_steps)] if t.profile_steps else []
+    shown = [curves, *([mosaics] if mosaics else []), Bar(f"stage {this.stage}", curves)]
+    first: list[Callback] = [restore, *([ema] if ema else []), *profile]
+    return [*first, *shown, saver, ending, Departure(curves.clock)], ending
 
 
 def _quieten() -> None:
