@@ -113,5 +113,5 @@ def test_a_target_that_names_no_layer_is_refused():
 
 
 def test_new_channels_are_refused_where_all_channels_are_trained():
-    with pytest.raises(ValueError, match="model.train_patch_embed=new_channels"):
+    with pytest.raises(ValueError, match=r"model\.train_patch_embed=new_channels"):
         adapter.prepare(plain(config()), config(train="full", train_patch_embed="new_channels"))

@@ -113,7 +113,7 @@ def test_missing_damaged_foreign_and_incomplete_files_are_refused(tmp_path):
         trained.read(tmp_path)
     path = written(tmp_path)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(ValueError, match="cannot be read .* damaged"):
+    with pytest.raises(ValueError, match=r"cannot be read .* damaged"):
         trained.read(path)
     save_file({"x": torch.zeros(1)}, path)
     with pytest.raises(ValueError, match=r"was not written by fracgen\.train"):
@@ -126,5 +126,5 @@ def test_missing_damaged_foreign_and_incomplete_files_are_refused(tmp_path):
 def test_the_model_of_a_run_is_known_from_its_file(tmp_path):
     _, told = trained.read(written(tmp_path))
     assert trained.model_of(told) == config()
-    with pytest.raises(ValueError, match="unknown fields of the model .colour"):
+    with pytest.raises(ValueError, match=r"unknown fields of the model .colour"):
         trained.model_of({"model": {**asdict(config()), "colour": 1}})

@@ -70,7 +70,8 @@ def read(path: Path | str) -> tuple[dict[str, Tensor], dict[str, Any]]:
             tensors = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118
         about = json.loads(text)
     except (SafetensorError, ValueError) as error:
-        raise ValueError(f"run={file} cannot be read ({error}): the file is damaged; train again or copy it again.") from None  # fmt: skip
+        raise ValueError(f"run={file} cannot be read ({error}): the file is damaged; copy it again or train again."
+                         ) from None  # fmt: skip
     if not isinstance(about, dict) or "version" not in about:
         raise ValueError(f"run={file} was not written by fracgen.train: give the folder of a run; LoRA files of others "
                          "are read by fracgen.model.export.load_lora.")  # fmt: skip
@@ -91,16 +92,16 @@ def part(tensors: Mapping[str, Tensor], owner: str) -> dict[str, Tensor]:
 def check_base(about: Mapping[str, Any], base: str, path: Path | str) -> None:
     """Raise ValueError if the tensors of `path` belong to other base weights than `base` (a base_identity)."""
     if about["base"] != base:
-        raise ValueError(f"run={path} belongs to base weights {about['base']}, but the model has {base}: set model.path "
-                         f"to the weights it was trained on (model.path={about['model'].get('path')!r} then), or train "
-                         "again.")  # fmt: skip
+        raise ValueError(f"run={path} belongs to base weights {about['base']}, but the model has {base}: set "
+                         f"model.path to those it was trained on (model.path={about['model'].get('path')!r} then), "
+                         "or train again.")  # fmt: skip
 
 
 def check_stage(about: Mapping[str, Any], stage: int, path: Path | str) -> None:
     """Raise ValueError if `path` is of another stage than `stage`."""
     if about["stage"] != stage:
-        raise ValueError(f"init_from={path} is a run of stage {about['stage']}, but stage {stage} is wanted: give a run "
-                         f"of stage {stage}, or init_from=none to start from the base.")  # fmt: skip
+        raise ValueError(f"init_from={path} is a run of stage {about['stage']}, but stage {stage} is wanted: give a "
+                         f"run of stage {stage}, or init_from=none to start from the base.")  # fmt: skip
 
 
 def apply(transformer: nn.Module, tensors: Mapping[str, Tensor]) -> None:
@@ -152,6 +153,9 @@ def assemble(
     cfg = model or model_of(about)
     check_base(about, base_identity(cfg), path)
     transformer = build(cfg, about["streams"], device, dtype)
+    types = {name: parameter.dtype for name, parameter in transformer.named_parameters()}
     adapter.prepare(transformer, cfg)
     apply(transformer, part(tensors, TRANSFORMER))
+    for name, parameter in adapter.trained(transformer):  # training keeps them in float32, sampling need not
+        parameter.data = parameter.data.to(types.get(name, dtype))
     return transformer.eval()

@@ -7,9 +7,10 @@ from typing import Any
 
 from safetensors.torch import save_file
 
+from fracgen.model.context import TEXT_TOKENS
 from fracgen.model.files import STEM
 from fracgen.model.released import to_released
-from fracgen.model.transformer import IN_CHANNELS, TEXT_TOKENS, FracTransformer
+from fracgen.model.transformer import IN_CHANNELS, FracTransformer
 
 
 def save_released(transformer: FracTransformer, folder: Path | str) -> None:

@@ -1,0 +1,287 @@
+"""What saves memory and time in training: nothing of it changes what is computed, or the change is bounded."""
+
+import weakref
+from importlib.util import find_spec
+
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from fracgen.config.train import Trainer
+from fracgen.memory import attention, checkpointing, compiling, offload, optimiser, parallel, quantise, setup
+from fracgen.model import adapter
+from tests.gen.networks import config, forward, gradients, plain, train
+
+
+def prepared(**changes):
+    cfg = config(**changes)
+    transformer = plain(cfg)
+    adapter.prepare(transformer, cfg)
+    train(transformer, steps=1)  # so that lora_B is not 0, and every gradient is alive
+    return transformer
+
+
+def equal(first, second):
+    return first.keys() == second.keys() and all(torch.equal(first[n], second[n]) for n in first)
+
+
+class Count(TorchDispatchMode):
+    """How often attention runs."""
+
+    def __init__(self):
+        super().__init__()
+        self.calls = 0
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        self.calls += func.name().startswith("aten::_scaled_dot_product") and "backward" not in func.name()
+        return func(*args, **(kwargs or {}))
+
+
+@pytest.mark.parametrize("mode", ["full", "selective"])
+@pytest.mark.parametrize("train_", ["lora", "full"])
+def test_checkpointing_does_not_change_any_gradient(mode, train_):
+    transformer = prepared(train=train_)
+    checkpointing.set_mode(transformer, "none")
+    expected = gradients(transformer)
+    checkpointing.set_mode(transformer, mode)
+    assert equal(gradients(transformer), expected)
+
+
+@pytest.mark.parametrize(("mode", "passes"), [("none", 1), ("full", 2), ("selective", 1)])
+def test_selective_checkpointing_runs_attention_once_and_full_twice(mode, passes):
+    """Two blocks of two attentions each."""
+    transformer = prepared()
+    checkpointing.set_mode(transformer, mode)
+    with Count() as count:
+        gradients(transformer)
+    assert count.calls == 4 * passes
+
+
+def test_an_unknown_mode_of_checkpointing_is_refused():
+    with pytest.raises(ValueError, match="trainer.checkpointing=some is not allowed: .* none, full, selective"):
+        checkpointing.set_mode(plain(config()), "some")
+
+
+def test_back_ends_of_attention_agree():
+    """Sums of up to 16 products in another order: a few ulp of float32, amplified by two blocks."""
+    transformer = prepared()
+    attention.set_backend(transformer, "native")
+    expected = forward(transformer)
+    attention.set_backend(transformer, "_native_math")
+    got = forward(transformer)
+    attention.set_backend(transformer, "native")
+    torch.testing.assert_close(got, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(("name", "reason"), [("fast", "there is no such back-end"), ("_native_cudnn", "No viable"),
+                                              ("flash_hub", "kernels")])  # fmt: skip
+def test_a_back_end_that_is_not_there_is_refused_with_those_that_are(name, reason):
+    with pytest.raises(ValueError, match=rf"trainer.attention={name} cannot be used .*{reason}.*it has native, .*math"):
+        attention.set_backend(plain(config()), name)
+
+
+def test_blocks_are_compiled_or_the_reason_is_given():
+    """The first forward pass would compile a block, in half a minute; the compiler itself has been tried out here."""
+    transformer = prepared(layers=1)
+    try:
+        compiling.compile_blocks(transformer)
+    except ValueError as error:
+        assert "trainer.compile=true: torch.compile does not work" in str(error)
+    assert compiling.is_compiled(transformer) == (compiling._fault("cpu", "inductor") is None)
+
+
+@pytest.mark.parametrize("mode", checkpointing.MODES)
+def test_compiled_blocks_have_the_same_gradients_in_every_mode_of_checkpointing(mode):
+    """aot_eager traces forward and backward pass as for the compiler, and runs them without it."""
+    transformer = prepared(layers=2)
+    expected = gradients(transformer)
+    compiling.compile_blocks(transformer, backend="aot_eager")
+    checkpointing.set_mode(transformer, mode)
+    got = gradients(transformer)
+    for name, value in expected.items():
+        torch.testing.assert_close(got[name], value, rtol=1e-4, atol=1e-6)
+    with pytest.raises(ValueError, match=r"trainer.offload_blocks=1 (needs|does not go with compiled blocks)"):
+        offload.offload_blocks(transformer, 1)
+
+
+def test_a_machine_that_cannot_compile_says_why(monkeypatch):
+    def broken(function, backend):
+        raise RuntimeError("no compiler found\nmore")
+
+    monkeypatch.setattr(torch, "compile", broken)
+    compiling._fault.cache_clear()
+    with pytest.raises(ValueError, match=r"trainer.compile=true: .*no compiler found\).*trainer.compile=false"):
+        compiling.compile_blocks(plain(config()))
+    compiling._fault.cache_clear()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("mode", ["full", "selective"])
+def test_offloaded_blocks_give_the_same_gradients_and_learn(count, mode):
+    transformer, other = prepared(), prepared()
+    checkpointing.set_mode(transformer, mode)
+    checkpointing.set_mode(other, mode)
+    waiting = offload.offload_blocks(other, count)
+    assert equal(gradients(other), gradients(transformer))
+    train(transformer, steps=2)
+    train(other, steps=2)
+    waiting.remove()
+    assert equal(dict(other.named_parameters()), dict(transformer.named_parameters()))
+
+
+def test_only_frozen_weights_wait_and_they_leave_no_copy_behind():
+    transformer = prepared()
+    frozen = {n: p.nbytes for n, p in transformer.blocks.named_parameters() if not p.requires_grad}
+    checkpointing.set_mode(transformer, "full")
+    waiting = offload.offload_blocks(transformer, 2)
+    assert waiting.bytes_waiting() == sum(frozen.values())
+    empty = {n for n, p in transformer.blocks.named_parameters() if not p.numel()}
+    assert empty == set(frozen)
+    assert not waiting.fetched
+
+
+def test_weights_of_one_block_at_a_time_are_on_the_device(monkeypatch):
+    """Forward and backward: those of the block before are gone when those of a block have come."""
+    transformer = prepared(layers=4)
+    checkpointing.set_mode(transformer, "full")
+    waiting = offload.offload_blocks(transformer, 4)
+    one = waiting.bytes_waiting() // 4
+    alive, peaks = weakref.WeakSet(), []
+    fetch = waiting._fetch
+
+    def spy(index, device):
+        fetch(index, device)
+        alive.update(t.untyped_storage() for t in waiting.fetched[index])
+        peaks.append(sum(storage.nbytes() for storage in alive))
+
+    monkeypatch.setattr(waiting, "_fetch", spy)
+    gradients(transformer)
+    assert len(peaks) == 8
+    assert max(peaks) == one
+    assert not alive
+
+
+def test_offloading_is_refused_where_it_cannot_work():
+    transformer = prepared()
+    with pytest.raises(ValueError, match="trainer.offload_blocks=1 needs gradient checkpointing"):
+        offload.offload_blocks(transformer, 1)
+    with pytest.raises(ValueError, match="trainer.offload_blocks=3 is more than the 2 blocks"):
+        offload.offload_blocks(transformer, 3)
+    assert offload.offload_blocks(transformer, 0) is None
+
+
+def test_int8_is_off_by_at_most_half_a_step():
+    """Step = largest of the row / 127; 1e-6 for the rounding of float32."""
+    weight = torch.randn(64, 96, generator=torch.Generator().manual_seed(0)) * torch.logspace(-6, 6, 64)[:, None]
+    codes, scale = quantise.quantise(weight, "int8")
+    step = weight.abs().amax(dim=1, keepdim=True) / 127
+    assert ((quantise.restore(codes, scale) - weight).abs() <= step / 2 * (1 + 1e-6) + step * 1e-5).all()
+
+
+def test_float8_is_off_by_at_most_a_sixteenth_or_half_the_least_step():
+    """e4m3: half of 2^-3 of the leading power of two; below 2^-6, half of 2^-9, in units of the scale."""
+    weight = torch.randn(64, 96, generator=torch.Generator().manual_seed(0)) * torch.logspace(-6, 6, 64)[:, None]
+    codes, scale = quantise.quantise(weight, "float8")
+    bound = torch.maximum(weight.abs() / 16, weight.abs().amax(dim=1, keepdim=True) / 448 / 1024)
+    assert ((quantise.restore(codes, scale) - weight).abs() <= bound * (1 + 1e-5)).all()
+
+
+def test_a_row_of_zeros_stays_zero():
+    for kind in quantise.DTYPES:
+        assert not quantise.restore(*quantise.quantise(torch.zeros(2, 3), kind)).any()
+
+
+@pytest.mark.parametrize("kind", ["int8", "float8"])
+def test_a_quantised_layer_is_the_layer_with_the_restored_weight(kind):
+    """Its output is off by at most sum_j |x_j| |error of w_ij|, with the bounds of the weights."""
+    torch.manual_seed(0)
+    linear = torch.nn.Linear(32, 16)
+    linear.requires_grad_(False)
+    x = torch.randn(5, 32)
+    largest = linear.weight.abs().amax(dim=1, keepdim=True)
+    error = largest.expand(-1, 32) / 254 if kind == "int8" else torch.maximum(linear.weight.abs() / 16, largest / 458752)
+    got = quantise.QuantisedLinear(linear, kind)(x)
+    assert ((got - linear(x)).abs() <= x.abs() @ error.T * 1.001 + 1e-6).all()
+
+
+@pytest.mark.parametrize("kind", ["int8", "float8"])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_a_quantised_base_is_small_learns_and_keeps_its_codes(kind, dtype):
+    cfg = config()
+    transformer = plain(cfg, dtype=dtype)
+    adapter.prepare(transformer, cfg)
+    linears = sum(p.numel() for n, p in transformer.blocks.named_parameters() if n.endswith("base_layer.weight"))
+    before = sum(p.nbytes for p in transformer.parameters() if not p.requires_grad)
+    assert quantise.quantise_base(transformer, kind) == 2 * 10
+    codes = {n: p.clone() for n, p in transformer.named_parameters() if not p.requires_grad}
+    rows = sum(p.numel() for n, p in transformer.named_parameters() if n.endswith(".scale"))
+    assert sum(c.nbytes for c in codes.values()) == before - linears * (dtype.itemsize - 1) + 4 * rows
+    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=dtype == torch.bfloat16):
+        train(transformer, steps=2)
+    assert min(adapter.norms(transformer).values()) > 0
+    assert all(torch.equal(p, codes[n]) for n, p in transformer.named_parameters() if n in codes)
+
+
+def test_a_quantised_base_predicts_nearly_the_same():
+    """int8 is off by 1/254 of the largest weight of a row, that is under 1 % of the output of a layer."""
+    transformer = prepared()
+    with torch.no_grad():
+        expected = forward(transformer)
+        quantise.quantise_base(transformer, "int8")
+        error = (forward(transformer) - expected).norm() / expected.norm()
+    assert error < 0.01
+
+
+def test_quantising_is_refused_where_all_weights_are_trained():
+    with pytest.raises(ValueError, match="trainer.base_dtype=int8 needs frozen weights.*model.train=lora"):
+        quantise.quantise_base(prepared(train="full"), "int8")
+
+
+def test_adamw_keeps_the_settings_of_its_groups():
+    a, b = torch.nn.Parameter(torch.ones(3)), torch.nn.Parameter(torch.ones(2))
+    groups = [{"params": [a], "lr": 1e-4}, {"params": iter([b]), "lr": 1e-3, "weight_decay": 0.0}]
+    out = optimiser.build(groups, Trainer(weight_decay=0.3))
+    assert isinstance(out, torch.optim.AdamW)
+    assert [(g["lr"], g["weight_decay"]) for g in out.param_groups] == [(1e-4, 0.3), (1e-3, 0.0)]
+
+
+def test_adamw_of_8_bits_reaches_the_minimum_or_names_the_extra():
+    goal = torch.linspace(-1, 1, 8192)
+    x = torch.nn.Parameter(torch.zeros(8192))
+    groups = [{"params": [x], "lr": 0.02}]
+    if find_spec("bitsandbytes") is None:
+        with pytest.raises(ValueError, match=r"trainer.optimizer=adamw8bit needs .*bitsandbytes.*fracsim\[lowmem\]"):
+            optimiser.build(groups, Trainer(optimizer="adamw8bit"))
+        return
+    out = optimiser.build(groups, Trainer(optimizer="adamw8bit", weight_decay=0.0))
+    for _ in range(100):
+        out.zero_grad()
+        (x - goal).square().sum().backward()
+        out.step()
+    assert (x - goal).square().mean() < 0.01 * goal.square().mean()
+
+
+def test_an_optimiser_of_nothing_is_refused():
+    with pytest.raises(ValueError, match="nothing is trained: set model.train"):
+        optimiser.build([{"params": [], "lr": 1.0}], Trainer())
+
+
+def test_context_parallelism_is_refused_where_it_cannot_work():
+    transformer = plain(config())
+    parallel.enable_context_parallel(transformer, 1)
+    with pytest.raises(ValueError, match="trainer.context_parallel=5 must divide the 12 heads .* 1, 2, 3, 4, 6, 12"):
+        parallel.check(5, 12)
+    with pytest.raises(ValueError, match="trainer.context_parallel=2 must divide the 5633 tokens"):
+        parallel.check(2, 12, 5633)
+    parallel.check(4, 12, 171_600)
+    with pytest.raises(ValueError, match="trainer.context_parallel=2 needs CUDA devices"):
+        parallel.enable_context_parallel(transformer, 2)
+
+
+@pytest.mark.parametrize("base_dtype", ["float32", "int8"])
+def test_the_choices_go_together(base_dtype):
+    """int8 weights of two waiting blocks, selective checkpointing: the gradients are those of int8 alone."""
+    transformer, other = prepared(), prepared()
+    setup.apply(transformer, Trainer(base_dtype=base_dtype, checkpointing="none"), "cpu")
+    setup.apply(other, Trainer(base_dtype=base_dtype, checkpointing="selective", offload_blocks=2), "cpu")
+    assert equal(gradients(other), gradients(transformer))
