@@ -36,7 +36,7 @@ def encode(cfg: EncodeConfig) -> None:
     here = "cuda" if torch.cuda.is_available() else "cpu"
     device = torch.device(here if cfg.device == "auto" else cfg.device)
     found = encoding.encode(cfg, vae.load(cfg.vae, device), device)
-    for line in (*told(found.left_out), *found.odd()):
+    for line in filter(None, (*told(found.left_out), found.odd())):
         print(line, file=sys.stderr)
     for name, (mean, std) in found.statistics().items():
         print(f"{name:<7} mean {mean:+.3f}  std {std:.3f}")
@@ -52,11 +52,12 @@ def verify(cfg: EncodeConfig) -> None:
     found = index.load(folder)
     wrong = index.lacking(found, folder, hashes=True)
     if wrong:
-        raise ValueError(f"output.folder={folder}: {'; '.join(f'{name} {why}' for name, why in wrong.items())}. Remove "
-                         "such files and repeat the command without verify=true: their clips are encoded again.")  # fmt: skip
+        named = "; ".join(f"{name} {why}" for name, why in wrong.items())
+        raise ValueError(f"output.folder={folder}: {named}. Remove such files and repeat the command without "
+                         "verify=true: their clips are encoded again.")  # fmt: skip
     waiting = sum(not row["sha256"] for row in found.rows)
     size = sum(entry["bytes"] for entry in found.files.values())
-    print(f"{len(found.rows) - waiting} clips in {len(found.files)} files, {size / 2**20:.0f} MB: all as written"
+    print(f"{len(found.rows) - waiting} clips in {len(found.files)} files, {size / 2**20:.3g} MB: all as written"
           f"{f'; {waiting} clips wait to be encoded again' if waiting else ''}")  # fmt: skip
 
 

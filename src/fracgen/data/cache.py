@@ -15,9 +15,8 @@ from fracgen import layout
 from fracgen.data import index
 from fracgen.data.batch import Batch
 from fracgen.data.index import FORCE, IMAGE, REFERENCE, TEXT, Row
+from fracgen.encoders import pad
 
-TOKENS = 512
-"""Length of the caption's embedding; zeros after its end, as the released transformer was trained."""
 OPEN = 64
 """Files that a process keeps open."""
 
@@ -25,7 +24,7 @@ OPEN = 64
 class Place(NamedTuple):
     """Where a clip stands in a training; what the sampler asks the data set for."""
 
-    index: int
+    number: int
     """Its number in the cache."""
     epoch: int = 0
     slot: int = 0
@@ -44,9 +43,9 @@ class LatentCache(Dataset[Batch]):
         self._index = index.load(self.folder)
         lost = index.lacking(self._index, self.folder)
         if lost:
-            name, why = next(iter(lost.items()))
-            raise ValueError(f"{self.folder / name} {why}, and so do {len(lost) - 1} other files: repeat the "
-                             "python -m fracgen.encode that made them.")  # fmt: skip
+            named = "; ".join(f"{name} {why}" for name, why in lost.items())
+            raise ValueError(f"data.folder={self.folder}: {named}. Repeat the python -m fracgen.encode that made the "
+                             "cache: it encodes these clips again.")  # fmt: skip
         self.streams = layout.ordered(self.about["streams"])
         """Streams that are read."""
         self._image = True
@@ -83,25 +82,25 @@ class LatentCache(Dataset[Batch]):
 
         Clips whose file was lost are left out; their number waits until they are encoded again.
         """
-        return [k for k, row in enumerate(self.rows)
-                if row["sha256"] and split in ("", row["split"]) and (not objects or row["object"] in objects)]  # fmt: skip
+        there = [k for k, row in enumerate(self.rows) if row["sha256"] and split in ("", row["split"])]
+        return [k for k in there if not objects or self.rows[k]["object"] in objects]
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def __getitem__(self, key: int | Place) -> Batch:
         place = key if isinstance(key, Place) else Place(range(len(self))[key])
-        row = self.rows[place.index]
+        row = self.rows[place.number]
         text = self._read(self._where[TEXT][row["text"]], row["text"])
         image = self._read(self._where[IMAGE][row["image"]], row["image"]) if self._image and row["image"] else None
         return Batch(
             ids=[row["id"]],
-            indices=torch.tensor(place.index), epoch=torch.tensor(place.epoch), slot=torch.tensor(place.slot),
+            indices=torch.tensor(place.number), epoch=torch.tensor(place.epoch), slot=torch.tensor(place.slot),
             latents={name: self._read(row["shard"], f"{row['id']}.{name}") for name in self.streams},
             force=self._read(self._where[FORCE][row["force"]], row["force"]),
             scalars=torch.tensor(row["scalars"], dtype=torch.float32),
             reference=self._read(row["shard"], f"{row['id']}.{REFERENCE}"),
-            text=torch.nn.functional.pad(text, (0, 0, 0, TOKENS - len(text))),
+            text=pad([text])[0],
             image=image,
         )  # fmt: skip
 

@@ -65,5 +65,5 @@ def _unfit(row: Row, cfg: EncodeConfig, fps: float) -> str:
     if row["fps"] != fps:
         return f"{row['fps']:g} frames a second, not {fps:g}"
     if across != down or across != int(across):
-        return (f"{row['width']} x {row['height']} px, no whole multiple of width={cfg.width} x height={cfg.height}")
+        return f"{row['width']} x {row['height']} px, no whole multiple of width={cfg.width} x height={cfg.height}"
     return ""

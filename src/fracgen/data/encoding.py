@@ -171,8 +171,8 @@ def _latent(vae: Vae, video: Tensor, cfg: EncodeConfig) -> Tensor:
     """The latent [16, T, H, W] of a video [1, 3, F, h, w]; raises ValueError when it is not finite."""
     latent = vae.encode(video)[0]
     if not torch.isfinite(latent).all():
-        raise ValueError(f"vae.dtype={cfg.vae.dtype}: the VAE gives numbers that are not finite; set vae.dtype=float32, "
-                         "or check its weights.")  # fmt: skip
+        raise ValueError(f"vae.dtype={cfg.vae.dtype}: the VAE gives numbers that are not finite: set "
+                         "vae.dtype=float32, or check its weights.")  # fmt: skip
     return latent
 
 

@@ -4,7 +4,6 @@ cache.json is written first and never changes. The index is replaced at once, af
 reader sees a whole cache at any time, and a process that is killed loses at most the clips of its last file.
 """
 
-import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -17,12 +16,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fracgen.layout import MAPS
+from fracsim.sample.identity import digest
 
 ABOUT, INDEX = "cache.json", "index.parquet"
 VERSION = 1
 """Version of this layout."""
-FIELDS = ("vae", "vae_dtype", "width", "height", "frames", "frame_select", "fps", "streams", "text", "text_dim", "image",
-          "dtype", "normalisation")  # fmt: skip
+FIELDS = ("vae", "vae_dtype", "width", "height", "frames", "frame_select", "fps", "streams", "text", "text_dim",
+          "image", "dtype", "normalisation")  # fmt: skip
 """Entries of cache.json beside `version`: all that latents and embeddings depend on beside the clips."""
 CLIPS, FORCE, TEXT, IMAGE = "shard", "force", "text", "image"
 """Kinds of files; a file is KIND-00000.safetensors."""
@@ -121,12 +121,6 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(new, path)
     finally:
         new.unlink(missing_ok=True)
-
-
-def digest(path: Path) -> str:
-    """sha256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def lacking(index: Index, folder: Path, hashes: bool = False) -> dict[str, str]:

@@ -110,6 +110,6 @@ def _check_clips(module: DataModule, cfg: TrainConfig) -> None:
     splits = {s: len(module.cache.numbers(s)) for s in ("train", "test", "none")}
     there = ", ".join(f"{n} of split {split}" for split, n in splits.items() if n) or "none"
     chosen = f", of which {found} are of the chosen objects and within data.limit" if data.objects or data.limit else ""
-    raise ValueError(f"trainer.effective_batch={needed} needs as many training clips, but data.folder={data.folder} has "
-                     f"clips: {there}{chosen} (data.train_split={data.train_split}): encode more clips, or set "
+    raise ValueError(f"trainer.effective_batch={needed} needs as many training clips, but data.folder={data.folder} "
+                     f"has clips: {there}{chosen} (data.train_split={data.train_split}): encode more clips, or set "
                      f"trainer.effective_batch to at most {found}.")  # fmt: skip

@@ -28,7 +28,7 @@ class Video(NamedTuple):
 
     stream: str
     frames: Array
-    """rgb [F, h, w, 3] uint8, or float32 in [0, 255] where it was averaged; a map [F, h, w, 1 or 3] float32 in [0, 1]."""
+    """rgb [F, h, w, 3] in [0, 255], uint8 or, averaged, float32; a map [F, h, w, 1 or 3] float32 in [0, 1]."""
     scale: float | None
     """The value shown as 1, in the unit of the map; None for rgb."""
 
@@ -65,7 +65,7 @@ def video(clip: Clip, stream: str, cfg: EncodeConfig) -> Video:
 
 
 def shrink(frames: Array, factor: int) -> Array:
-    """Pictures [F, h factor, w factor, C] averaged over squares of `factor` pixels, [F, h, w, C]; float32 unless `factor` is 1."""
+    """Pictures [F, h f, w f, C] averaged over squares of f pixels, [F, h, w, C] float32; as they are for f = 1."""
     if factor == 1:
         return frames
     f, rows, columns, channels = frames.shape

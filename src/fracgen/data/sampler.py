@@ -47,13 +47,12 @@ class KeyedSampler(Sampler[Place]):
         return [Place(self.numbers[k], epoch, n % self.effective_batch) for n, k in enumerate(filled)]
 
     def start(self, epoch: int, steps: int = 0) -> None:
-        """Let the next iteration begin in an epoch, after optimiser steps that are done already."""
-        self.epoch, self._steps_done = epoch, steps
+        """Let the next iteration begin in an epoch, after optimiser steps that are done already.
 
-    def set_epoch(self, epoch: int) -> None:
-        """Begin an epoch, unless it has begun; Lightning calls this."""
-        if epoch != self.epoch:
-            self.start(epoch)
+        There is no `set_epoch`, because Lightning would call it: after a stop by max_steps it counts the epoch that was
+        stopped as done. The sampler goes to the next epoch when it has given out the clips of this one.
+        """
+        self.epoch, self._steps_done = epoch, steps
 
     def __iter__(self) -> Iterator[Place]:
         rest = self.order(self.epoch)[self._steps_done * self.effective_batch :]
@@ -71,5 +70,5 @@ def _check(clips: int, batch: int, effective_batch: int, ranks: int) -> None:
                          f"{batch} x {ranks}, so that a step is a whole number of forward passes: set it to "
                          f"{-(-effective_batch // (batch * ranks)) * batch * ranks}.")  # fmt: skip
     if clips < effective_batch:
-        raise ValueError(f"{clips} training clips are fewer than trainer.effective_batch={effective_batch}: encode more "
-                         f"clips, or set trainer.effective_batch to at most {clips}.")  # fmt: skip
+        raise ValueError(f"{clips} training clips are fewer than trainer.effective_batch={effective_batch}: encode "
+                         f"more clips, or set trainer.effective_batch to at most {clips}.")  # fmt: skip

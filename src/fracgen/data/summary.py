@@ -41,19 +41,23 @@ class Summary:
 
     def statistics(self) -> dict[str, tuple[float, float]]:
         """Mean and standard deviation of the latents of each stream."""
-        return {name: (one / n, max(two / n - (one / n) ** 2, 0) ** 0.5) for name, (n, one, two) in self.moments.items()}
+        return {
+            name: (one / n, max(two / n - (one / n) ** 2, 0) ** 0.5) for name, (n, one, two) in self.moments.items()
+        }
 
-    def odd(self) -> list[str]:
-        """A warning for each stream whose latents are not of mean near 0 and standard deviation near 1."""
-        return [f"warning: latents of {name} have mean {mean:.2f} and standard deviation {std:.2f}; those of a trained "
-                "VAE have about 0 and 1: are its weights and its latent statistics right?"
-                for name, (mean, std) in self.statistics().items()
-                if abs(mean) > MEAN or not STD[0] <= std <= STD[1]]  # fmt: skip
+    def odd(self) -> str:
+        """A warning when latents are not of mean near 0 and standard deviation near 1, else empty."""
+        names = [f"{name} ({mean:+.2f}, {std:.2f})" for name, (mean, std) in self.statistics().items()
+                 if abs(mean) > MEAN or not STD[0] <= std <= STD[1]]  # fmt: skip
+        if not names:
+            return ""
+        return (f"warning: mean and standard deviation of latents should be about 0 and 1, but those of "
+                f"{', '.join(names)} are not: is the VAE trained, and are its statistics right?")  # fmt: skip
 
     def rate(self) -> str:
         """How fast it goes."""
         seconds = max(self.seconds, 1e-9)
-        return f"{self.done / seconds:.2g} clips/s, {self.bytes / MB:.0f} MB"
+        return f"{self.done / seconds:.2g} clips/s, {self.bytes / MB:.3g} MB"
 
 
 class Progress:
@@ -77,8 +81,8 @@ class Progress:
         self._bar.update(self._task, advance=1, rate=summary.rate())
         if self._bar.disable and now - self._told > EVERY:
             left = summary.seconds / max(summary.done, 1) * (summary.todo - summary.done)
-            print(f"{summary.done} of {summary.todo} clips, {summary.rate()}, {left / 60:.0f} min left", file=sys.stderr,
-                  flush=True)  # fmt: skip
+            line = f"{summary.done} of {summary.todo} clips, {summary.rate()}, {left / 60:.0f} min left"
+            print(line, file=sys.stderr, flush=True)
             self._told = now
 
     def __enter__(self) -> "Progress":

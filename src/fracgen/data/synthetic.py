@@ -26,8 +26,9 @@ def write(
     draw = generator(seed, "synthetic")
     picture = (layout.CHANNELS, size // layout.SPACE, size // layout.SPACE)
     video = (layout.CHANNELS, layout.latent_frames(frames), *picture[1:])
-    about = {"vae": "synthetic", "vae_dtype": "float32", "width": size, "height": size, "frames": frames, "frame_select": "head", "fps": 100.0,
-             "streams": list(layout.ordered(streams)), "text": "synthetic", "text_dim": text_dim,
+    wanted = layout.ordered(streams)
+    about = {"vae": "synthetic", "vae_dtype": "float32", "width": size, "height": size, "frames": frames,
+             "frame_select": "head", "fps": 100.0, "streams": list(wanted), "text": "synthetic", "text_dim": text_dim,
              "image": "synthetic" if image_dim else "", "dtype": "bfloat16",
              "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip
     with CacheWriter(folder, about) as writer:
@@ -38,10 +39,11 @@ def write(
             writer.share(TEXT, name, torch.randn((3, text_dim), generator=draw))
             if image:
                 writer.share(IMAGE, image, torch.randn((257, image_dim), generator=draw))
+            scalars = (2 * torch.rand(len(SCALARS), generator=draw) - 1).tolist()
             row = {"id": f"clip{k:04}", "split": OBJECTS[name], "object": name, "class": "low_stretch",
-                   "caption": f"A {name} breaks.", "scalars": (2 * torch.rand(len(SCALARS), generator=draw) - 1).tolist(),
+                   "caption": f"A {name} breaks.", "scalars": scalars,
                    "scales": dict.fromkeys(layout.MAPS, 1.0), "E": 6e3, "nu": 0.25, "onset": 1.5, "crit": 2.3,
                    "axis_deg": 0.0, "sha256": f"{k}", "force": force, "text": name, "image": image}  # fmt: skip
-            latents = {stream: torch.randn(video, generator=draw) for stream in about["streams"]}
+            latents = {stream: torch.randn(video, generator=draw) for stream in wanted}
             writer.add(row, latents, latents[layout.RGB][:, 0])
     return writer.folder

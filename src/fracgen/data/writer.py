@@ -13,6 +13,7 @@ from torch import Tensor
 
 from fracgen.data import index
 from fracgen.data.index import CLIPS, FORCE, IMAGE, REFERENCE, TEXT, Row
+from fracsim.sample.identity import digest
 
 SHARED = (FORCE, TEXT, IMAGE)
 """Kinds whose entries several clips share."""
@@ -102,7 +103,8 @@ class CacheWriter:
                 save_file(tensors, new)
             except SafetensorError as error:
                 raise OSError(f"{self.folder / name} cannot be written ({error})") from None
-            entry = {"bytes": new.stat().st_size, "sha256": index.digest(new), "keys": sorted(tensors)}
+            new.chmod((self.folder / index.ABOUT).stat().st_mode)  # safetensors lets the owner alone read
+            entry = {"bytes": new.stat().st_size, "sha256": digest(new), "keys": sorted(tensors)}
         self.index.files[name] = entry
         return name
 
