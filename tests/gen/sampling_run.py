@@ -31,21 +31,25 @@ STREAMS = ("rgb", "flow", "strain", "stress", "damage")
 
 def cache() -> dict[str, Any]:
     """What cache.json of the run's latents says."""
-    return {"version": 1, "vae": vae.load(VAE).identity, "vae_dtype": "float32", "width": WIDTH, "height": HEIGHT, "frames": FRAMES,
-            "frame_select": "head", "fps": 100.0, "streams": list(STREAMS),
-            "text": encoders.text_identity(WORDS, TEXT), "text_dim": TEXT, "image": encoders.image_identity(WORDS),
-            "dtype": "bfloat16", "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip
+    return {
+        "version": 1, "vae": vae.load(VAE).identity, "vae_dtype": "float32", "width": WIDTH, "height": HEIGHT,
+        "frames": FRAMES, "frame_select": "head", "fps": 100.0, "streams": list(STREAMS),
+        "text": encoders.text_identity(WORDS, TEXT), "text_dim": TEXT, "image": encoders.image_identity(WORDS),
+        "dtype": "bfloat16", "normalisation": {"version": 1, "percentile": 99.5},
+    }  # fmt: skip
 
 
-def write_run(folder: Path, streams: Sequence[str] = STREAMS, stage: int = 3, **changes: Any) -> Path:
-    """A folder of a run with random adapters that do change the network."""
+def write_run(folder: Path, streams: Sequence[str] = STREAMS, stage: int = 3, train: str = "lora",
+              **changes: Any) -> Path:  # fmt: skip
+    """A folder of a run with random weights, which do change the network."""
     folder.mkdir(parents=True)
-    network = model.build(MODEL, streams)
-    adapter.prepare(network, MODEL)
+    cfg = replace(MODEL, train=train)
+    network = model.build(cfg, streams)
+    adapter.prepare(network, cfg)
     generator = torch.Generator().manual_seed(5)
     tensors = {name: 0.1 * torch.randn(value.shape, generator=generator)
                for name, value in trained.state(network).items()}  # fmt: skip
-    about = {"stage": stage, "streams": list(streams), "model": asdict(MODEL), "base": model.base_identity(MODEL),
+    about = {"stage": stage, "streams": list(streams), "model": asdict(cfg), "base": model.base_identity(cfg),
              "scalars": list(conditioning.SCALARS), "conditioning": asdict(Conditioning()),
              "config": asdict(TrainConfig()), "cache": cache(), **changes}  # fmt: skip
     trained.save(folder / trained.FILE, {f"transformer.{name}": value for name, value in tensors.items()}, about)

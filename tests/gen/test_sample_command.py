@@ -377,6 +377,22 @@ def test_the_picture_can_be_put_in_place_of_the_first_frame(single: SampleConfig
     assert np.abs(made.rgb[0] / 255 - back).max() < 1.5 / 255
 
 
+@pytest.mark.parametrize("train", ["lora", "full"])
+def test_the_network_computes_in_the_type_that_is_asked_for(train: str, single: SampleConfig, place: Path) -> None:
+    """Also where all weights were trained, in float32. bfloat16 has 8 bits: values near 1 move by a few 2^-8."""
+    run = write_run(place / f"stage3-{train}", train=train)
+    base = replace(single, run=str(run), maps=["damage"])
+    exact, rough = (replace(base, sampler=Sampler(solver="euler", steps=2, dtype=d)) for d in ("float32", "bfloat16"))
+    source = trained_run.load(str(run))
+    there = networks.load([], rough, source, "bfloat16", torch.device("cpu"))
+    kinds = {name: p.dtype for name, p in there.transformer.named_parameters()}  # type: ignore[attr-defined]
+    assert all(kind == torch.bfloat16 for name, kind in kinds.items() if "attn1.to_q" in name or "proj_out" in name)
+    assert kinds["scale_shift_table"] == torch.float32
+    (one,), (other,) = sampled(exact), sampled(rough)
+    assert one.path != other.path
+    assert 0 < np.abs(one.maps["damage"] - other.maps["damage"]).max() < 0.1
+
+
 @pytest.fixture
 def line(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """Run the command line in this process; gives its exit status."""
@@ -409,6 +425,29 @@ def test_the_command_line_samples_and_prints_where(
     assert "sampler.solver=heun is not known: choose one of euler, unipc" in capsys.readouterr().err
     assert line(*asked, "smapler.steps=2") == 2
     assert "smapler" in capsys.readouterr().err
+
+
+def test_a_command_that_is_interrupted_says_how_to_go_on_and_goes_on(
+    line: Callable[..., int], place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Ctrl-C in the first step of the second clip: the first one is whole, and nothing else is there."""
+    asked = (f"data={place / 'data'}", "sampler.steps=2", "maps=[]")
+    velocity, calls = generate.velocity, iter(range(100))
+
+    def interrupted(*arguments: Any) -> torch.Tensor:
+        if next(calls) == 2:
+            raise KeyboardInterrupt
+        return velocity(*arguments)
+
+    monkeypatch.setattr(generate, "velocity", interrupted)
+    assert line(*asked) == 130
+    assert "repeat the command to go on" in capsys.readouterr().err
+    (first,) = tmp_path.glob("*")
+    assert verify(first) == []
+    assert line(*asked) == 0
+    assert next(calls) == 2 + 1 + 2  # the two steps of the second clip only
+    assert len(list(tmp_path.glob("*"))) == 2
 
 
 def test_the_presets_are_what_they_are_called() -> None:
