@@ -90,13 +90,14 @@ def splats(asset: Asset, n: int) -> None:
         raise ValueError(
             f"asset.max_particles={asset.max_particles} but asset.path={asset.path} has {n} Gaussians, and each "
             f"becomes a particle, whatever solver.cells is: prune the file, as by `npx @playcanvas/splat-transform "
-            f"{Path(asset.path).name} --decimate {asset.max_particles} out.ply`, or set asset.max_particles={_round(2 * n)}."
+            f"{Path(asset.path).name} --decimate {asset.max_particles} out.ply`, or set "
+            f"asset.max_particles={_round(2 * n)}."
         )
 
 
 def _round(n: int) -> int:
     """`n` rounded up to one digit."""
-    digit = 10 ** (len(str(n)) - 1)
+    digit = int(10 ** (len(str(n)) - 1))
     return -(-n // digit) * digit
 
 

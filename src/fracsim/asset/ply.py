@@ -42,8 +42,9 @@ def read(path: str | Path) -> Gaussians:
             f"asset.path={path} has {len(rest)} properties f_rest_*, a checkpoint has 0, 9, 24 or 45 of them, "
             "numbered from 0 (SH degree 0 to 3): export it again."
         )
-    flat = np.full(vertex.count, -np.inf)
-    values = {n: np.asarray(vertex[n] if n in vertex else flat, np.float64) for n in (*NEEDED, *constant, *rest)}
+    columns = {p.name: vertex[p.name] for p in vertex.properties}
+    columns.setdefault("scale_2", np.full(vertex.count, -np.inf))
+    values = {n: np.asarray(columns[n], np.float64) for n in (*NEEDED, *constant, *rest)}
     sh = np.stack([values[n] for n in constant], axis=1)[:, None, :]
     if constant is BYTES:
         sh = (sh / (255 if vertex[BYTES[0]].dtype.kind in "iu" else 1) - 0.5) / SH_C0

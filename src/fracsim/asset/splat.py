@@ -64,7 +64,8 @@ def _select(trained: Gaussians, keep: Array) -> Gaussians:
 
 def _object(trained: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
     """The Gaussians of the object, and notes on those left out: detached ones, and a background around it."""
-    keep, notes = apart.coherent(trained.means), ()
+    keep = apart.coherent(trained.means)
+    notes: tuple[str, ...] = ()
     if not keep.all():
         notes = (f"{int((~keep).sum())} Gaussians float apart from the object and were dropped.",)
     trained = _select(trained, keep)
@@ -74,8 +75,8 @@ def _object(trained: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
     rest, again = _object(_select(trained, ~shell))
     share, ratio = shell.mean(), np.ptp(trained.means, axis=0).max() / np.ptp(rest.means, axis=0).max()
     note = (
-        f"{int(shell.sum())} Gaussians ({share:.0%}) lie on a shell {ratio:.0f} times as wide as the rest: it was taken "
-        "for the background and dropped. If it is the object, crop what lies within it, as in SuperSplat."
+        f"{int(shell.sum())} Gaussians ({share:.0%}) lie on a shell {ratio:.0f} times as wide as the rest: it was "
+        "taken for the background and dropped. If it is the object, crop what lies within it, as in SuperSplat."
     )
     return rest, (*notes, note, *again)
 

@@ -71,4 +71,5 @@ def _rest(element: Any, n: int) -> Array:
         return np.zeros((n, 0, 3))
     codes = np.stack([np.asarray(element[p.name], np.float64) for p in element.properties], axis=1)
     fraction = np.where(codes == 0, 0.0, np.where(codes == 255, 1.0, (codes + 0.5) / 256))
-    return np.asarray(8 * (fraction - 0.5)).reshape(n, 3, -1).transpose(0, 2, 1)
+    out: Array = (8 * (fraction - 0.5)).reshape(n, 3, -1).transpose(0, 2, 1)
+    return out

@@ -4,7 +4,7 @@ Colours are kept at the corners of each triangle (texture coordinates, vertex or
 shared vertices may have several colours, and several materials of a scene form one surface.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,11 @@ class Surface:
     """Whether every edge of the file has a partner, without welding of vertices."""
     notes: tuple[str, ...] = ()
     """Notes for the user about the file."""
+
+    def some(self, kept: Array) -> "Surface":
+        """The triangles with `kept`, (T,) bool."""
+        per_triangle = ("corners", "normals", "rgb", "uv", "texture")
+        return replace(self, **{name: getattr(self, name)[kept] for name in per_triangle})
 
 
 def read(path: str) -> Surface:
