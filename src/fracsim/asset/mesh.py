@@ -17,9 +17,10 @@ from scipy.ndimage import (
 from scipy.spatial import cKDTree
 
 from fracsim.asset import bodies, fill, gaussians, limits, paint, place, weld
+from fracsim.asset.mesh_file import read
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
-from fracsim.asset.surface import Surface, read
+from fracsim.asset.surface import Surface
 from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
