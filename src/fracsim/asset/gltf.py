@@ -40,7 +40,7 @@ class Document:
         """Raises ValueError, with asset.path, if the file is damaged or requires what is not understood."""
         self.path, self.folder = path, Path(path).parent
         content = Path(path).read_bytes()
-        self.json, self._chunk = _parsed(path, content)
+        self.json, self._chunk = _parsed(content)
         self._views: dict[int, bytes] = {}
         required = set(self.json.get("extensionsRequired", ()))
         if unknown := sorted(required - READ - SHINE):
@@ -129,13 +129,13 @@ class Document:
         return (self.folder / unquote(uri).replace("\\", "/")).read_bytes()
 
 
-def _parsed(path: str, content: bytes) -> tuple[dict[str, Any], bytes]:
+def _parsed(content: bytes) -> tuple[dict[str, Any], bytes]:
     """The JSON of a .gltf or .glb file, and the binary chunk of the latter."""
     chunks: dict[bytes, bytes] = {}
     if content[:4] == b"glTF":
         version, at = struct.unpack_from("<I", content, 4)[0], 12
         if version != 2:
-            raise ValueError(f"asset.path={path} is glTF {version}, only version 2 is read: export it again.")
+            raise ValueError(f"version {version} of glTF, 2 is read")
         while at + 8 <= len(content):
             size, kind = struct.unpack_from("<I4s", content, at)
             chunks.setdefault(kind, content[at + 8 : at + 8 + size])

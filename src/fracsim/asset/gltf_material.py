@@ -28,7 +28,9 @@ class Paint:
         if (painted := arrays.get("COLOR_0")) is not None:
             colour[..., : painted.shape[1]] *= painted[faces]
         self.coloured = factor is not None or painted is not None or self.image is not None
-        self.rgb: Array = srgb(np.clip(colour[..., :3], 0.0, 1.0)) if self.coloured else np.full((len(faces), 3, 3), GREY)
+        self.rgb: Array = (
+            srgb(np.clip(colour[..., :3], 0.0, 1.0)) if self.coloured else np.full((len(faces), 3, 3), GREY)
+        )
         self.uv = uv
         mode = material.get("alphaMode", "OPAQUE")
         opacity = _opacity(colour[..., 3], uv, alpha)
@@ -62,7 +64,9 @@ def _textured(
     name = f"TEXCOORD_{transform.get('texCoord', texture.get('texCoord', 0))}"
     source = _source(document.items("textures")[texture["index"]])
     if source is None or name not in arrays:
-        missing = f"has coordinates {name}, which are missing" if source is not None else "is of a kind that is not read"
+        missing = (
+            f"has coordinates {name}, which are missing" if source is not None else "is of a kind that is not read"
+        )
         document.notes.append(f"A texture {missing}: what it covers has the colour of its material.")
         return nothing
     picture = document.image(source)

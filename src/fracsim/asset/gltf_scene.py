@@ -1,5 +1,6 @@
 """Scenes of glTF files as coloured triangles: nodes, instances, skins and morphs in the pose that the file shows."""
 
+import struct
 from collections.abc import Iterator
 from typing import Any
 
@@ -20,10 +21,12 @@ def pieces(path: str) -> tuple[list[Piece], tuple[str, ...]]:
     try:
         scene = _Scene(Document(path))
         found = scene.pieces()
-    except (KeyError, IndexError, TypeError, ValueError, UnicodeDecodeError) as error:
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, struct.error) as error:
         if str(error).startswith("asset."):
             raise
-        raise ValueError(f"asset.path={path} cannot be read as glTF ({error}): export it again, as GLB.") from error
+        raise ValueError(
+            f"asset.path={path} cannot be read as glTF ({type(error).__name__}: {error}): export it again, as GLB."
+        ) from error
     return found, scene.notes()
 
 
@@ -95,7 +98,9 @@ class _Scene:
         instancing = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
         if instancing is None:
             return [M]
-        arrays = {n.lower(): self.document.array(k) for n, k in instancing["attributes"].items() if not n.startswith("_")}
+        arrays = {
+            n.lower(): self.document.array(k) for n, k in instancing["attributes"].items() if not n.startswith("_")
+        }
         count = len(next(iter(arrays.values())))
         return [M @ _matrix({name: a[i] for name, a in arrays.items()}) for i in range(count)]
 

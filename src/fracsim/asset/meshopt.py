@@ -192,7 +192,9 @@ def _triangles(data: bytes, count: int) -> list[int]:
                 corners.append(fresh if which == 0 else rest.index() if known else recent[-which])
                 fresh += which == 0
             # The history changes only after all three are known.
-            recent += [v for v, w in zip(corners, (0, pair >> 4, pair & 15), strict=True) if w == 0 or w == 15 <= low + 1]
+            recent += [
+                v for v, w in zip(corners, (0, pair >> 4, pair & 15), strict=True) if w == 0 or w == 15 <= low + 1
+            ]
             a, b, c = corners
             edges += [(b, a), (c, b), (a, c)]
         out += (a, b, c)
