@@ -135,7 +135,7 @@ def test_the_inside_has_its_own_colour_and_grain(tmp_path):
 
 def test_srgb_of_a_linear_factor():
     """IEC 61966-2-1: 0.5 -> 0.7354, 0.001 -> 0.01292."""
-    assert np.allclose(surface._srgb(np.array([0.0, 0.001, 0.5, 1.0])), [0, 0.01292, 0.73536, 1.0], atol=1e-5)
+    assert np.allclose(surface.srgb(np.array([0.0, 0.001, 0.5, 1.0])), [0, 0.01292, 0.73536, 1.0], atol=1e-5)
 
 
 def test_a_sheet_is_refused(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt, label
 from scipy.spatial import cKDTree
 
-from fracsim.asset.ply import Gaussians
+from fracsim.asset.cloud import Gaussians
 from fracsim.records import Array
 
 OPAQUE = 0.1
@@ -100,21 +100,3 @@ def _closed(occupied: Array, reach: int) -> Array:
     thin = distance_transform_edt(filled) > reach
     core = slice(reach + 1, -reach - 1)
     return np.asarray((thin | room)[core, core, core])
-
-
-def coherent(means: Array) -> Array:
-    """Whether a point (N, 3) belongs to the object, (N,) bool: neither far outside nor in a small separate group."""
-    lo, hi = np.quantile(means, (0.01, 0.99), axis=0)
-    lo, hi = lo - 0.5 * (hi - lo), hi + 0.5 * (hi - lo)
-    near: Array = ((means >= lo) & (means <= hi)).all(axis=1)
-    size = float(np.ptp(means[near], axis=0).max())
-    # Cells so wide that the points of one surface are connected: a surface of n^2 cells has about 16 points in each.
-    cells = np.clip(np.sqrt(near.sum()) / 4, 8, 64)
-    scale = (cells - 1e-6) / max(size, 1e-300)
-    index = np.floor((means[near] - means[near].min(axis=0)) * scale).astype(int)
-    grid = np.zeros(index.max(axis=0) + 3, bool)
-    grid[tuple(index.T + 1)] = True
-    parts, _ = label(binary_dilation(grid, NEIGHBOURS), NEIGHBOURS)
-    part = parts[tuple(index.T + 1)]
-    near[near] = (np.bincount(part) >= 0.02 * len(part))[part]
-    return near

@@ -8,7 +8,8 @@ import numpy as np
 from fracsim.records import Array
 from fracsim.scene.vocab import Asset
 
-SUFFIXES = {"mesh": (".obj", ".glb", ".gltf", ".ply", ".stl"), "ply": (".ply",)}
+MESHES = (".obj", ".glb", ".gltf", ".ply", ".stl")
+SPLATS = (".splat", ".spz", ".ksplat", ".sog")
 MOST_BYTES = 1 << 31
 """Largest file."""
 FEWEST = 8
@@ -30,12 +31,22 @@ def check(asset: Asset, spacing: float) -> None:
 
 
 def _check_file(asset: Asset) -> None:
-    """Raises ValueError unless asset.path is a file of a known kind, at most MOST_BYTES large."""
-    file, known = Path(asset.path), SUFFIXES[asset.kind]
-    if file.suffix.lower() not in known:
+    """Raises ValueError unless asset.path is a file, at most MOST_BYTES large; the name of a mesh must tell its kind.
+
+    Files of splats are told by their content (`fracsim.asset.splat_file`).
+    """
+    file = Path(asset.path)
+    if asset.kind == "mesh" and file.suffix.lower() not in MESHES:
+        out = (
+            "it holds splats: set asset.kind=ply"
+            if file.suffix.lower() in SPLATS
+            else "export the object to such a file"
+        )
+        raise ValueError(f"asset.path={asset.path} with asset.kind=mesh must end in {' or '.join(MESHES)}: {out}.")
+    if asset.kind == "ply" and file.suffix.lower() in MESHES and file.suffix.lower() != ".ply":
         raise ValueError(
-            f"asset.path={asset.path} with asset.kind={asset.kind} must end in {' or '.join(known)}: "
-            "export the object to such a file."
+            f"asset.path={asset.path} with asset.kind=ply must be a file of Gaussians (.ply, .spz or .splat): for a "
+            "mesh set asset.kind=mesh, Gaussians in glTF turn into a .ply by SuperSplat."
         )
     if not file.is_file():
         raise ValueError(f"asset.path={asset.path} is not a file, seen from {Path.cwd()}: correct the path.")
@@ -44,6 +55,10 @@ def _check_file(asset: Asset) -> None:
             f"asset.path={asset.path} has {file.stat().st_size / 2**30:.1f} GiB, at most {MOST_BYTES / 2**30:g} "
             "are read: decimate the mesh, or prune the Gaussians."
         )
+    if asset.kind == "ply":
+        from fracsim.asset import splat_file
+
+        splats(asset, splat_file.count(asset.path))
 
 
 def colour(text: str) -> tuple[float, float, float]:
@@ -67,6 +82,23 @@ def estimate(asset: Asset, spacing: float, volume: float, area: float, bounds: t
             f"asset.size={asset.size:g} with particles {spacing:g} m apart needs a grid of {grid:.2g} points to "
             f"fill, at most {MOST_GRID:.0e} are allowed: lower asset.size or solver.cells."
         )
+
+
+def splats(asset: Asset, n: int) -> None:
+    """Raises ValueError if a file has more Gaussians, `n`, than there may be particles: each one becomes a particle."""
+    if n > asset.max_particles:
+        raise ValueError(
+            f"asset.max_particles={asset.max_particles} but asset.path={asset.path} has {n} Gaussians, and each "
+            f"becomes a particle, whatever solver.cells is: prune the file, as by `npx @playcanvas/splat-transform "
+            f"{Path(asset.path).name} --decimate {asset.max_particles} out.ply`, or set "
+            f"asset.max_particles={_round(2 * n)}."
+        )
+
+
+def _round(n: int) -> int:
+    """`n` rounded up to one digit."""
+    digit = int(10 ** (len(str(n)) - 1))
+    return -(-n // digit) * digit
 
 
 def count(asset: Asset, spacing: float, n: int, about: str = "") -> None:

@@ -14,11 +14,13 @@ from scipy.ndimage import (
     maximum_filter,
     median_filter,
 )
+from scipy.spatial import cKDTree
 
-from fracsim.asset import fill, gaussians, limits, paint, place, weld
+from fracsim.asset import bodies, fill, gaussians, limits, paint, place, weld
+from fracsim.asset.mesh_file import read
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
-from fracsim.asset.surface import Surface, read
+from fracsim.asset.surface import Surface
 from fracsim.asset.twin import twin
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
@@ -28,12 +30,22 @@ REACH = 1.0
 SPECK = 0.005
 """Parts of a doubtful inside that are smaller than this fraction of the largest part are dropped."""
 
-SEAMS = "The mesh is not watertight as stored; welding vertices at equal positions closed it, so its inside is exact."
+BARE, PARTLY_BARE = 0.5, 0.05
+"""Shares of the surface without a particle within a spacing: above the first the object is refused, above the second
+noted.
+"""
+CHANCE = 0.25
+"""Walls thinner than this have particles where samples of the filling happen to hit them [particle spacings]."""
+MOST_FINER = 10
+"""Times by which solver.cells may be raised in earnest."""
+
+SEAMS = "The mesh is not watertight as stored; welding vertices at equal positions closed it"
+EXACT, SAMPLED = ", so its inside is exact.", "; its bodies overlap, so its volume is that of samples."
 
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles `spacing` [m] apart of the mesh file asset.path; raises ValueError if it cannot be used."""
-    surface = _placed(read(asset.path), asset)
+    surface = _placed(_without_outliers(read(asset.path)), asset)
     solid = MeshSolid(surface, spacing)
     limits.estimate(asset, spacing, *solid.mesh.rough, solid.bounds)
     filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(surface, spacing)), spacing)
@@ -42,8 +54,47 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
             f"asset.path={asset.path} encloses no volume: a solid needs a closed, or nearly closed, surface. "
             "Give the sheet a thickness, or close its holes."
         )
+    solid.notes += _bare(solid, filling.X, asset, spacing)
     rgb = _painted(solid, filling, asset, spacing, seed)
     return gaussians.particles(filling, rgb, spacing, solid.notes)
+
+
+def _without_outliers(surface: Surface) -> Surface:
+    """The surface without what encloses nothing and would decide size and centre of the object, and a note on it."""
+    out = bodies.outliers(surface.corners)
+    if not out.any():
+        return surface
+    kept, all_ = (float(np.ptp(c, axis=(0, 1)).max()) for c in (surface.corners[~out], surface.corners))
+    note = (
+        f"{int(out.sum())} triangles that enclose nothing, as a ground plane or stray ones, reach out to "
+        f"{all_ / kept:.3g} times the extent of the rest and were left out: asset.size is that of the rest."
+    )
+    return replace(surface.some(~out), notes=(*surface.notes, note))
+
+
+def _bare(solid: "MeshSolid", X: Array, asset: Asset, spacing: float) -> tuple[str, ...]:
+    """A note on the share of the surface without one of the particles X (N, 3) within a spacing.
+
+    Raises ValueError if that is most of it: a shell so thin is not what the file shows.
+    """
+    faces, corners = solid.nearest.face, solid.surface.corners
+    a, b, c = corners.transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    weight = (area / np.maximum(np.bincount(faces, minlength=len(area)), 1))[faces]
+    gap, _ = cKDTree(X).query(solid.nearest.samples)
+    share = float(weight[gap > spacing].sum() / weight.sum())
+    if share < PARTLY_BARE:
+        return ()
+    thick = 2 * solid.mesh.rough[0] / solid.mesh.rough[1]
+    if share > BARE or thick < CHANCE * spacing:
+        finer = max(2, int(np.ceil(0.5 * spacing / thick)))
+        way = f", or raise solver.cells to {finer} times as many" if finer <= MOST_FINER else ""
+        raise ValueError(
+            f"asset.path={asset.path} is a shell about {thick:.2g} m thick, too thin for particles {spacing:g} m "
+            f"apart: {share:.0%} of its surface has none within a spacing. Give it walls of at least "
+            f"{0.5 * spacing:g} m, as by the Solidify modifier of Blender{way}."
+        )
+    return (f"{share:.0%} of the surface has no particle within a spacing: there the object is too thin for it.",)
 
 
 def _placed(surface: Surface, asset: Asset) -> Surface:
@@ -54,8 +105,7 @@ def _placed(surface: Surface, asset: Asset) -> Surface:
     corners = placement.to_world(surface.corners)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     real = np.linalg.norm(cross, axis=1) > 1e-12 * asset.size**2
-    normals, rgb, uv, texture = (a[real] for a in (surface.normals @ R.T, surface.rgb, surface.uv, surface.texture))
-    return replace(surface, corners=corners[real], normals=normals, rgb=rgb, uv=uv, texture=texture)
+    return replace(surface, corners=corners, normals=surface.normals @ R.T).some(real)
 
 
 class MeshSolid:
@@ -138,7 +188,7 @@ class MeshSolid:
         elif self.mesh.oriented and len(np.unique(winding)) <= 2:
             self.volume = self.mesh.volume
         if self.mesh.closed and not self.surface.watertight:
-            self.notes += (SEAMS,)
+            self.notes += (SEAMS + (SAMPLED if self.volume is None else EXACT),)
         self.origin = np.array([a[0] for a in axes])
         self.inside = inside.astype(np.float32)
         return inside

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from fracsim.asset.limits import colour
-from fracsim.asset.surface import Surface
+from fracsim.asset.surface import Surface, linear, srgb
 from fracsim.records import Array
 
 LIGHT = np.array([-0.45, 0.70, 0.55]) / np.linalg.norm([-0.45, 0.70, 0.55])
@@ -18,13 +18,17 @@ GRAIN = (24.0, 50.0)
 
 
 def sample(surface: Surface, face: Array, bary: Array) -> Array:
-    """Colours (N, 3), sRGB, at barycentric coordinates `bary` (N, 3) of triangles `face` (N,)."""
+    """Colours (N, 3), sRGB, at barycentric coordinates `bary` (N, 3) of triangles `face` (N,).
+
+    Texture and corner colours are multiplied in linear light.
+    """
     rgb = np.einsum("nc,ncj->nj", bary, surface.rgb[face])
     uv = np.einsum("nc,ncj->nj", bary, surface.uv[face])
     for k in np.unique(surface.texture[face]):
         if k >= 0:
             mine = surface.texture[face] == k
-            rgb[mine] *= _bilinear(surface.images[k], uv[mine])
+            texel, tint = _bilinear(surface.images[k], uv[mine]), rgb[mine]
+            rgb[mine] = np.where(tint == 1, texel, srgb(linear(tint) * linear(texel)))
     out: Array = np.clip(rgb, 0.0, 1.0)
     return out
 

@@ -1,10 +1,10 @@
 """Trained 3DGS checkpoints, point_cloud.ply in the layout of Kerbl et al. 2023 (INRIA), read and written.
 
 A vertex has x y z, nx ny nz (unused), f_dc_0..2, f_rest_* (channel by channel, absent at SH degree 0), opacity (a
-logit), scale_0..2 (logarithms of standard deviations) and rot_0..3 (a quaternion w x y z of any length).
+logit), scale_0..2 (logarithms of standard deviations) and rot_0..3 (a quaternion w x y z of any length). Files that
+lack scale_2 hold discs (2DGS). Infinite logits and logarithms of minus infinity are exact ends: opaque, flat.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,89 +12,76 @@ import numpy as np
 import plyfile
 from scipy.spatial.transform import Rotation
 
+from fracsim.asset import stored, supersplat
+from fracsim.asset.cloud import Gaussians, Rows, gaussians
+from fracsim.asset.gaussians import SH_C0
 from fracsim.records import Array
 
-NEEDED = ("x", "y", "z", *(f"f_dc_{i}" for i in range(3)), "opacity", *(f"scale_{i}" for i in range(3)),
-          *(f"rot_{i}" for i in range(4)))  # fmt: skip
+NEEDED = ("x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
+COLOURS = tuple(f"f_dc_{i}" for i in range(3))
+BYTES = ("red", "green", "blue")
+"""Colours of files that have no f_dc."""
 DEGREES = {0: 0, 9: 1, 24: 2, 45: 3}
 """SH degree by the number of f_rest properties."""
 UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 
 
-@dataclass(frozen=True)
-class Gaussians:
-    """N Gaussians of a checkpoint, in its own coordinates."""
-
-    means: Array
-    """Centres, (N, 3) float64."""
-    covariance: Array
-    """Covariances, (N, 3, 3) float64."""
-    opacity: Array
-    """Opacities in [0, 1], (N,)."""
-    sh: Array
-    """Coefficients, (N, K, 3), K = 1, 4, 9 or 16."""
-
-
 def read(path: str | Path) -> Gaussians:
-    """The Gaussians of a checkpoint; raises ValueError, with asset.path, for another file."""
-    vertex = _vertex(path)
+    """The Gaussians of a checkpoint, compressed ones included; raises ValueError, with asset.path, for another file."""
+    elements = _elements(path)
+    vertex = elements["vertex"]
     names = {p.name for p in vertex.properties}
+    if supersplat.PACKED[0] in names:
+        return supersplat.read(path, elements)
+    names |= {"scale_2"}  # discs (2DGS) have two scales
+    constant = COLOURS if names.issuperset(COLOURS) or not names.issuperset(BYTES) else BYTES
+    _check_names(path, names, constant)
     rest = [f"f_rest_{i}" for i in range(len([n for n in names if n.startswith("f_rest_")]))]
     if len(rest) not in DEGREES or not names.issuperset(rest):
         raise ValueError(
             f"asset.path={path} has {len(rest)} properties f_rest_*, a checkpoint has 0, 9, 24 or 45 of them, "
             "numbered from 0 (SH degree 0 to 3): export it again."
         )
-    values = {n: np.asarray(vertex[n], np.float64) for n in (*NEEDED, *rest)}
-    _check_values(path, values)
-    R = _rotations(np.stack([values[f"rot_{i}"] for i in range(4)], axis=1))
-    deviations = np.exp(np.stack([values[f"scale_{i}"] for i in range(3)], axis=1))
-    constant = np.stack([values[f"f_dc_{i}"] for i in range(3)], axis=1)[:, None, :]
-    higher = np.stack([values[n] for n in rest], axis=1).reshape(len(R), 3, -1).transpose(0, 2, 1) if rest else None
-    return Gaussians(
-        means=np.stack([values[n] for n in "xyz"], axis=1),
-        covariance=np.einsum("nij,nj,nkj->nik", R, deviations**2, R),
-        opacity=1 / (1 + np.exp(-np.clip(values["opacity"], -50, 50))),
-        sh=constant if higher is None else np.concatenate([constant, higher], axis=1),
+    columns = {p.name: vertex[p.name] for p in vertex.properties}
+    columns.setdefault("scale_2", np.full(vertex.count, -np.inf))
+    values = {n: np.asarray(columns[n], np.float64) for n in (*NEEDED, *constant, *rest)}
+    sh = np.stack([values[n] for n in constant], axis=1)[:, None, :]
+    if constant is BYTES:
+        sh = (sh / (255 if vertex[BYTES[0]].dtype.kind in "iu" else 1) - 0.5) / SH_C0
+    higher = np.stack([values[n] for n in rest], axis=1).reshape(len(sh), 3, -1).transpose(0, 2, 1) if rest else None
+    means = np.stack([values[n] for n in "xyz"], axis=1)
+    deviations, linear_scales = stored.deviations(np.stack([values[f"scale_{i}"] for i in range(3)], axis=1), means)
+    opacity, linear_opacities = stored.opacities(values["opacity"])
+    rows = Rows(
+        means=means,
+        deviations=deviations,
+        quaternion=np.stack([values[f"rot_{i}"] for i in range(4)], axis=1),
+        opacity=opacity,
+        sh=sh if higher is None else np.concatenate([sh, higher], axis=1),
     )
+    return gaussians(path, rows, (*linear_scales, *linear_opacities))
 
 
-def _vertex(path: str | Path) -> Any:
-    """The vertex element of a PLY file; raises ValueError if it is not that of a checkpoint."""
+def _elements(path: str | Path) -> dict[str, Any]:
+    """The elements of a PLY file with vertices; raises ValueError if it is none."""
     try:
         file = plyfile.PlyData.read(str(path))
     except (plyfile.PlyParseError, OSError, ValueError, UnicodeDecodeError) as error:
         raise ValueError(f"asset.path={path} cannot be read as PLY ({error}): give a whole point_cloud.ply.") from error
-    vertex = next((e for e in file.elements if e.name == "vertex"), None)
-    if vertex is None or vertex.count == 0:
+    elements = {e.name: e for e in file.elements}
+    if "vertex" not in elements or elements["vertex"].count == 0:
         raise ValueError(f"asset.path={path} has no vertices: give the point_cloud.ply of a trained 3DGS model.")
-    missing = [n for n in NEEDED if n not in {p.name for p in vertex.properties}]
+    return elements
+
+
+def _check_names(path: str | Path, names: set[str], constant: tuple[str, ...]) -> None:
+    """Raises ValueError unless the properties `names` have all that a Gaussian needs."""
+    missing = [n for n in (*NEEDED[:3], *constant, *NEEDED[3:]) if n not in names]
     if missing:
         raise ValueError(
             f"asset.path={path} is not a 3DGS checkpoint, it lacks the properties {', '.join(missing)}: give a "
             "point_cloud.ply in the INRIA layout, or load a surface mesh by asset.kind=mesh."
         )
-    return vertex
-
-
-def _check_values(path: str | Path, values: dict[str, Array]) -> None:
-    """Raises ValueError for the first of the properties `values`, (N,) each, with an unusable value."""
-    for name, column in values.items():
-        bad = ~np.isfinite(column)
-        if name.startswith("scale_"):
-            bad |= column > 50  # a deviation of 5e21: the file holds something else
-        if bad.any():
-            raise ValueError(
-                f"asset.path={path}: property {name} of vertex {int(np.argmax(bad))} is {column[np.argmax(bad)]:g} "
-                f"({int(bad.sum())} such vertices): remove them, or export the checkpoint again."
-            )
-
-
-def _rotations(q: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of quaternions w x y z (N, 4); a zero quaternion is the identity."""
-    q = np.where(np.linalg.norm(q, axis=1, keepdims=True) > 1e-12, q, (1.0, 0.0, 0.0, 0.0))
-    R: Array = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()
-    return R
 
 
 def symmetric(covariance: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A trained 3DGS checkpoint as particles (asset.kind=ply): its Gaussians on the surface, new ones inside.
+"""Trained 3D Gaussians as particles (asset.kind=ply): its Gaussians on the surface, new ones inside.
 
 Each trained Gaussian becomes a surface particle with its covariance and colour. Standard deviations are limited to
 LONGEST spacings (one and a half cells), since one particle cannot span a crack. The opaque cells, with small gaps
@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fracsim.asset import enclose, fill, gaussians, harmonics, limits, paint, place, ply
+from fracsim.asset import apart, enclose, fill, gaussians, harmonics, limits, paint, place, ply, splat_file
+from fracsim.asset.cloud import Gaussians
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -24,9 +25,9 @@ LEAST = 0.02
 
 def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     """Particles of the checkpoint asset.path, interior ones `spacing` [m] apart; raises ValueError if unusable."""
-    trained, notes = _opaque(ply.read(asset.path), asset)
-    limits.count(asset, spacing, len(trained.means), "at least ")
-    trained, floaters = _placed(trained, asset)
+    trained, notes = _opaque(splat_file.read(asset.path), asset)
+    trained, left_out = _object(trained)
+    trained = _placed(trained, asset)
     trained, long = _bounded(trained, spacing)
     lo, hi = trained.means.min(axis=0), trained.means.max(axis=0)
     limits.estimate(asset, spacing, 0.0, 0.0, (lo, hi))
@@ -34,7 +35,7 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     body = enclose.enclose(trained, axes, spacing)
     inner = _inner(body, axes, trained.means, spacing)
     limits.count(asset, spacing, len(trained.means) + len(inner.X))
-    notes = (*notes, *_notes(floaters, long, body))
+    notes = (*notes, *left_out, *_notes(long, body))
     sh = np.zeros((len(trained.means) + len(inner.X), *trained.sh.shape[1:]), np.float32)
     sh[: len(trained.sh)] = trained.sh
     sh[len(trained.sh) :, :1] = gaussians.constant_sh(_inner_colours(trained, inner, asset, spacing, seed))
@@ -43,7 +44,7 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
     return _particles(trained, inner, volume, sh, spacing, notes)
 
 
-def _opaque(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, tuple[str, ...]]:
+def _opaque(trained: Gaussians, asset: Asset) -> tuple[Gaussians, tuple[str, ...]]:
     """The Gaussians of at least asset.opacity_threshold, and a note; raises ValueError if there are none."""
     keep = trained.opacity >= asset.opacity_threshold
     if not keep.any():
@@ -53,28 +54,44 @@ def _opaque(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, tuple[
         )
     dropped = int((~keep).sum())
     note = (f"{dropped} of {len(keep)} Gaussians are less opaque than {asset.opacity_threshold:g} and were dropped.",)
-    return _select(trained, keep), note if dropped else ()
+    return _select(trained, keep), (*trained.notes, *(note if dropped else ()))
 
 
-def _select(trained: ply.Gaussians, keep: Array) -> ply.Gaussians:
+def _select(trained: Gaussians, keep: Array) -> Gaussians:
     """The Gaussians with `keep`, (N,) bool."""
-    return ply.Gaussians(trained.means[keep], trained.covariance[keep], trained.opacity[keep], trained.sh[keep])
+    return Gaussians(trained.means[keep], trained.covariance[keep], trained.opacity[keep], trained.sh[keep])
 
 
-def _placed(trained: ply.Gaussians, asset: Asset) -> tuple[ply.Gaussians, int]:
-    """The Gaussians of the object in the world, and the number of dropped ones, detached from the object."""
-    keep = enclose.coherent(trained.means)
+def _object(trained: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
+    """The Gaussians of the object, and notes on those left out: detached ones, and a background around it."""
+    keep = apart.coherent(trained.means)
+    notes: tuple[str, ...] = ()
+    if not keep.all():
+        notes = (f"{int((~keep).sum())} Gaussians float apart from the object and were dropped.",)
     trained = _select(trained, keep)
+    shell = apart.background(trained.means)
+    if not shell.any():
+        return trained, notes
+    rest, again = _object(_select(trained, ~shell))
+    share, ratio = shell.mean(), np.ptp(trained.means, axis=0).max() / np.ptp(rest.means, axis=0).max()
+    note = (
+        f"{int(shell.sum())} Gaussians ({share:.0%}) lie on a shell {ratio:.0f} times as wide as the rest: it was "
+        "taken for the background and dropped. If it is the object, crop what lies within it, as in SuperSplat."
+    )
+    return rest, (*notes, note, *again)
+
+
+def _placed(trained: Gaussians, asset: Asset) -> Gaussians:
+    """The Gaussians in the world."""
     R = place.rotation(asset.rotate_deg)
     turned = trained.means @ R.T
     placement = place.fit(asset, turned.min(axis=0), turned.max(axis=0))
     covariance = placement.scale**2 * (R @ trained.covariance @ R.T)
     sh = harmonics.turned(trained.sh, R) if any(asset.rotate_deg) else trained.sh
-    means = placement.to_world(trained.means)
-    return replace(trained, means=means, covariance=covariance, sh=sh), int((~keep).sum())
+    return replace(trained, means=placement.to_world(trained.means), covariance=covariance, sh=sh)
 
 
-def _bounded(trained: ply.Gaussians, spacing: float) -> tuple[ply.Gaussians, int]:
+def _bounded(trained: Gaussians, spacing: float) -> tuple[Gaussians, int]:
     """The Gaussians with standard deviations clamped to [SHORTEST, LONGEST] spacings; the number of too long ones."""
     variances, vectors = np.linalg.eigh(trained.covariance)
     bounded = np.clip(variances, (SHORTEST * spacing) ** 2, (LONGEST * spacing) ** 2)
@@ -96,11 +113,9 @@ def _inner(body: enclose.Body, axes: list[Array], means: Array, spacing: float) 
     return fill.Filling(X, np.zeros(n), depth, np.zeros((n, 3)), np.zeros(n, bool))
 
 
-def _notes(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
+def _notes(long: int, body: enclose.Body) -> tuple[str, ...]:
     """Notes for the user."""
     notes = []
-    if floaters:
-        notes.append(f"{floaters} Gaussians float apart from the object and were dropped.")
     if long:
         notes.append(f"{long} Gaussians were shortened to a standard deviation of {LONGEST:g} particle spacings.")
     if body.gaps:
@@ -111,7 +126,7 @@ def _notes(floaters: int, long: int, body: enclose.Body) -> tuple[str, ...]:
 
 
 def _particles(
-    trained: ply.Gaussians, inner: fill.Filling, volume: Array, sh: Array, spacing: float, notes: tuple[str, ...]
+    trained: Gaussians, inner: fill.Filling, volume: Array, sh: Array, spacing: float, notes: tuple[str, ...]
 ) -> Particles:
     """Particles of volumes (N,) [m^3] and coefficients sh (N, K, 3): trained Gaussians first, then interior ones."""
     X = np.concatenate([trained.means, inner.X])
@@ -129,7 +144,7 @@ def _particles(
 
 
 def _inner_colours(
-    trained: ply.Gaussians, inner: fill.Filling, asset: Asset, spacing: float, seed: int
+    trained: Gaussians, inner: fill.Filling, asset: Asset, spacing: float, seed: int
 ) -> Array:  # fmt: skip
     """Colours (N, 3) of interior particles: near the surface those of the nearest Gaussians, deeper the inside's."""
     surface_rgb = np.clip(0.5 + gaussians.SH_C0 * trained.sh[:, 0], 0.0, 1.0)

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from fracsim.asset import orient
 from fracsim.records import Array
 
 TOLERANCE = 1e-6
@@ -45,8 +46,22 @@ def weld(corners: Array) -> Mesh:
         faces = _turned(positions, faces)
         uses, balance = _edges(faces)
     oriented = not (balance[uses == 2] != 0).any()
+    if oriented:
+        faces = orient.outward(positions, faces, joined(directed(faces)[0]))
     closed = bool((balance == 0).all() if oriented else (uses % 2 == 0).all())
     return Mesh(positions[faces], closed, oriented)
+
+
+def numbered(corners: Array, origin: Array, size: float) -> tuple[Array, Array]:
+    """Index of a corner at each welded vertex, (V,), and vertex numbers of triangles (T, 3, 3), (T, 3).
+
+    The largest extent is `size`; corners outside of the cube at `origin` (3,) are moved to its sides.
+    """
+    steps = np.round((corners.reshape(-1, 3) - origin) / (TOLERANCE * size))
+    # 1 / TOLERANCE steps fit in 21 bits an axis, so that one integer stands for a position.
+    code = np.clip(steps, 0, (1 << 21) - 1).astype(np.int64) @ (1 << np.array([42, 21, 0]))
+    _, first, vertex = np.unique(code, return_index=True, return_inverse=True)
+    return first, vertex.reshape(-1, 3)
 
 
 def _faces(corners: Array) -> tuple[Array, Array]:
@@ -55,26 +70,35 @@ def _faces(corners: Array) -> tuple[Array, Array]:
     Collapsed and repeated triangles are left out.
     """
     P = corners.reshape(-1, 3)
-    steps = np.round((P - P.min(axis=0)) / (TOLERANCE * np.ptp(P, axis=0).max())).astype(np.int64)
-    # 1 / TOLERANCE steps fit in 21 bits an axis, so that one integer stands for a position.
-    _, first, vertex = np.unique(steps @ (1 << np.array([42, 21, 0])), return_index=True, return_inverse=True)
-    faces = vertex.reshape(-1, 3)
+    first, faces = numbered(corners, P.min(axis=0), float(np.ptp(P, axis=0).max()))
     order = np.sort(faces, axis=1)
     faces = faces[(order[:, 0] < order[:, 1]) & (order[:, 1] < order[:, 2])]
     _, once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     return P[first], faces[np.sort(once)]
 
 
-def _directed(faces: Array) -> tuple[Array, Array]:
+def directed(faces: Array) -> tuple[Array, Array]:
     """Undirected edge number, (F, 3), and direction +1 or -1, (F, 3), of each side of triangles (F, 3)."""
     a, b = faces, np.roll(faces, -1, axis=1)
     key = np.minimum(a, b) * np.int64(faces.max() + 1) + np.maximum(a, b)
     return np.unique(key, return_inverse=True)[1].reshape(faces.shape), np.where(a < b, 1, -1)
 
 
+def joined(edge: Array) -> Array:
+    """Number of the part of each triangle, (F,), of the edge numbers of its sides (F, 3): a shared edge joins."""
+    flat = edge.ravel()
+    order = np.argsort(flat, kind="stable")
+    p, q = order[:-1], order[1:]
+    same = flat[p] == flat[q]
+    ends = p[same] // 3, q[same] // 3
+    graph = coo_matrix((np.ones(len(ends[0])), ends), shape=(len(edge), len(edge)))
+    part: Array = connected_components(graph, directed=False)[1]
+    return part
+
+
 def _edges(faces: Array) -> tuple[Array, Array]:
     """Number of triangles (F, 3) at each undirected edge, (E,), and the sum of their directions, (E,)."""
-    edge, direction = _directed(faces)
+    edge, direction = directed(faces)
     return np.bincount(edge.ravel()), np.rint(np.bincount(edge.ravel(), direction.ravel())).astype(int)
 
 
@@ -85,7 +109,7 @@ def _turned(positions: Array, faces: Array) -> Array:
     component of the graph is one consistent orientation; the opposite one is another component.
     """
     n = len(faces)
-    edge, direction = (a.ravel() for a in _directed(faces))
+    edge, direction = (a.ravel() for a in directed(faces))
     order = np.argsort(edge, kind="stable")
     p, q = order[:-1], order[1:]
     two = (edge[p] == edge[q]) & (np.bincount(edge)[edge[p]] == 2)

@@ -1,0 +1,123 @@
+"""Mesh files: glTF by `fracsim.asset.gltf_scene`, OBJ, PLY and STL by trimesh."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracsim.asset import gltf_scene
+from fracsim.asset.surface import GREY, Piece, Surface, corner_normals, joined, srgb
+from fracsim.records import Array
+
+MOST_TRIANGLES = 5_000_000
+UNSET = (102, 102, 102, 255)
+"""The diffuse colour that trimesh sets if the file gives none."""
+
+
+def read(path: str) -> Surface:
+    """The triangles of a mesh file; raises ValueError, with asset.path, for an unusable file."""
+    found, notes = gltf_scene.pieces(path) if Path(path).suffix.lower() in (".glb", ".gltf") else _pieces(path)
+    if not found:
+        raise ValueError(
+            f"asset.path={path} has no triangles{' that are seen' * bool(notes)}: give a surface mesh; a trained 3DGS "
+            f"file needs asset.kind=ply. {' '.join(notes)}".rstrip()
+        )
+    _check(path, found)
+    return joined(found, notes)
+
+
+def _pieces(path: str) -> tuple[list[Piece], tuple[str, ...]]:
+    """The surfaces of a file that trimesh reads, and notes."""
+    import trimesh
+
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        parts = [g for g in scene.dump() if isinstance(g, trimesh.Trimesh) and len(g.faces)]
+    except Exception as error:  # trimesh raises a different kind for each format
+        raise ValueError(
+            f"asset.path={path} cannot be read as a mesh ({type(error).__name__}: {error}): export it again, as GLB."
+        ) from error
+    return [_piece(part) for part in parts], ()
+
+
+def _piece(part: Any) -> Piece:
+    """The triangles of one geometry of trimesh."""
+    rgb, uv, index, images, coloured = _colours(part)
+    normals = corner_normals(part.vertices, part.faces, part.vertex_normals)
+    return Piece(part.vertices[part.faces], normals, rgb, uv, index, tuple(images), coloured, part.vertices, part.faces)
+
+
+def _check(path: str, found: list[Piece]) -> None:
+    """Raises ValueError for too many triangles and for coordinates that are not finite."""
+    total = sum(len(p.faces) for p in found)
+    if total > MOST_TRIANGLES:
+        raise ValueError(
+            f"asset.path={path} has {total} triangles, at most {MOST_TRIANGLES} are allowed: decimate the mesh."
+        )
+    bad = sum(int((~np.isfinite(p.vertices[np.unique(p.faces)])).any(axis=1).sum()) for p in found)
+    if bad:
+        raise ValueError(
+            f"asset.path={path} has {bad} vertices with coordinates that are not finite (NaN or infinite): "
+            "repair the mesh in the program that wrote it."
+        )
+
+
+def _colours(part: Any) -> tuple[Array, Array, Array, list[Array], bool]:
+    """Of a geometry: corner colours (T, 3, 3), texture coordinates (T, 3, 2), texture indices (T,), textures (H, W, 3)
+    each, and whether it had any colour.
+    """
+    n, visual = len(part.faces), part.visual
+    rgb, uv, index = np.ones((n, 3, 3)), np.zeros((n, 3, 2)), np.full(n, -1)
+    if visual.kind in ("vertex", "face"):
+        picked = visual.vertex_colors[part.faces] if visual.kind == "vertex" else visual.face_colors[:, None]
+        return rgb * _unit(picked)[..., :3], uv, index, [], True
+    if visual.kind != "texture":
+        return GREY * rgb, uv, index, [], False
+    vertex = visual.vertex_attributes.get("color")
+    painted = vertex is not None and len(vertex) == len(part.vertices)
+    if painted:
+        rgb *= _unit(vertex)[part.faces][..., :3]
+    if visual.uv is not None and len(visual.uv) == len(part.vertices):
+        uv = np.asarray(visual.uv, float)[part.faces]
+    images = _materials(visual, rgb, index, painted)
+    return rgb, uv, index, images, painted or bool(images) or bool((rgb != GREY).any())
+
+
+def _materials(visual: Any, rgb: Array, index: Array, painted: bool) -> list[Array]:
+    """Multiplies the factors of a geometry's materials into `rgb` (T, 3, 3) and sets the texture `index` (T,).
+
+    Returns the textures, (H, W, 3) uint8 each.
+    """
+    images: list[Array] = []
+    materials = getattr(visual.material, "materials", None) or [visual.material]
+    owner = getattr(visual, "face_materials", None)
+    owner = np.zeros(len(rgb), int) if owner is None or len(owner) != len(rgb) else np.asarray(owner)
+    for k, material in enumerate(materials):
+        mine = owner == k
+        factor, image = _material(material)
+        if image is not None and visual.uv is not None:
+            index[mine] = len(images)
+            images.append(image)
+        elif factor is None and not painted:
+            factor = np.full(3, GREY)
+        rgb[mine] *= 1.0 if factor is None else factor
+    return images
+
+
+def _material(material: Any) -> tuple[Array | None, Array | None]:
+    """Colour factor (3,), sRGB, and texture (H, W, 3) uint8 of a material, None for what it lacks."""
+    if hasattr(material, "baseColorFactor"):  # physically based: factors are linear (glTF 2.0, 3.9.2)
+        factor, image = material.baseColorFactor, material.baseColorTexture
+        factor = None if factor is None else srgb(_unit(factor)[:3])
+    else:  # Kd of an OBJ file is a display colour, and viewers use a map instead of it
+        factor, image = _unit(material.diffuse)[:3], material.image
+        if image is not None or np.array_equal(material.diffuse, UNSET):
+            factor = None
+    return factor, None if image is None else np.asarray(image.convert("RGB"))
+
+
+def _unit(values: Any) -> Array:
+    """Colour values in [0, 1], of the shape of `values`, from integers of any width or from numbers in [0, 1]."""
+    values = np.asarray(values)
+    out: Array = values / np.iinfo(values.dtype).max if values.dtype.kind in "ui" else np.clip(values, 0.0, 1.0)
+    return out
