@@ -95,7 +95,8 @@ def test_the_default_is_the_published_recipe() -> None:
 def test_help_lists_groups_and_fields() -> None:
     done = command("--help")
     assert done.returncode == 0
-    for text in ("stage=1", "loss.lambda_const=0.1", "+experiment", "paper_512", "overfit", "trainer.ema"):
+    for text in ("stage=1", "loss.lambda_const=0.1", "+experiment", "paper_512", "overfit", "trainer.ema",
+                 "model.lora: Low-rank adapters", "model.lora.rank=64", "stages.stage3.constitutive=true"):  # fmt: skip
         assert text in done.stdout
 
 

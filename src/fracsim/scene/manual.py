@@ -3,6 +3,8 @@
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import reduce
+from operator import getitem
 from textwrap import fill
 from typing import Any
 
@@ -54,20 +56,29 @@ def _groups(groups: Mapping[str, Sequence[str]], width: int, sign: str = "") -> 
 
 def _fields(schema: type, values: Any, width: int) -> Iterator[str]:
     """Every field, section by section; those without a section first."""
-    titles = {f.name: f.type.__doc__ for f in fields(schema) if isinstance(f.type, type) and is_dataclass(f.type)}
+    titles = dict(_titles(schema))
     section = ""
     for name, _, knob in sorted(describe(schema), key=lambda entry: "." in entry[0]):
-        head, _, leaf = name.rpartition(".")
+        head = name.rpartition(".")[0]
         if head != section:
             section = head
-            yield "\n" + fill(f"{head}: {(titles[head] or '').splitlines()[0]}", width)
-        value = text((values[head] if head else values)[leaf]) or '""'
+            yield "\n" + fill(f"{head}: {titles[head].splitlines()[0]}", width)
+        value = text(reduce(getitem, name.split("."), values)) or '""'
         shown = f"  {name}={value}  "
         if len(shown) > NAME:
             yield shown.rstrip() if len(shown) <= width else f"{shown[: width - 4]} ..."
             shown = ""
         about = fill(_about(knob), width, initial_indent=f"{shown:<{NAME}}", subsequent_indent=" " * NAME)
         yield about.replace(HARD, " ")
+
+
+def _titles(schema: type, name: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted name and docstring of every section below a configuration class."""
+    for f in fields(schema):
+        if isinstance(f.type, type) and is_dataclass(f.type):
+            dotted = f"{name}.{f.name}" if name else f.name
+            yield dotted, f.type.__doc__ or ""
+            yield from _titles(f.type, dotted)
 
 
 def _about(knob: Knob) -> str:
