@@ -74,6 +74,11 @@ def test_a_file_is_complete_or_not_there(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == [trained.FILE]
 
 
+def test_a_file_has_the_rights_of_any_new_file(tmp_path):
+    (tmp_path / "other").touch()
+    assert written(tmp_path).stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
 def test_missing_extra_and_misshapen_tensors_are_named_and_nothing_changes():
     transformer = prepared()
     tensors = dict(trained.state(transformer))
