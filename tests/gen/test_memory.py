@@ -58,6 +58,21 @@ def test_selective_checkpointing_runs_attention_once_and_full_twice(mode, passes
     assert count.calls == 4 * passes
 
 
+def test_operators_of_attention_are_those_of_this_pytorch():
+    names = [name.removeprefix("aten::") for name in checkpointing.ATTENTION if name.startswith("aten::")]
+    assert len(names) == 5
+    assert all(hasattr(torch.ops.aten, name) for name in names)
+
+
+def test_a_back_end_that_is_many_operators_is_recomputed_exactly_too():
+    transformer = prepared()
+    attention.set_backend(transformer, "_native_math")
+    expected = gradients(transformer)
+    checkpointing.set_mode(transformer, "selective")
+    assert equal(gradients(transformer), expected)
+    attention.set_backend(transformer, "native")
+
+
 def test_an_unknown_mode_of_checkpointing_is_refused():
     with pytest.raises(ValueError, match=r"trainer.checkpointing=some is not allowed: .* none, full, selective"):
         checkpointing.set_mode(plain(config()), "some")
