@@ -11,7 +11,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from fracgen.config.train import Trainer
 from fracgen.memory import attention, checkpointing, compiling, offload, optimiser, parallel, quantise
 from fracgen.model import adapter
-from tests.gen.networks import config, forward, gradients, plain, train
+from tests.gen.small import config, forward, gradients, plain, train
 
 
 def prepared(**changes):

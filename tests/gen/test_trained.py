@@ -7,7 +7,7 @@ import torch
 from safetensors.torch import save_file
 
 from fracgen.model import adapter, trained
-from tests.gen.networks import config, forward, plain, train
+from tests.gen.small import config, forward, plain, train
 
 
 def prepared(**changes):
