@@ -5,7 +5,7 @@ import torch
 
 from fracgen.config.model import Lora, Model
 from fracgen.model import adapter
-from tests.gen.adapted import config, forward, plain, train
+from tests.gen.small import config, forward, plain, train
 
 
 def frozen(transformer):

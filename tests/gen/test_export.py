@@ -15,7 +15,7 @@ from fracgen.export import EXPORT
 from fracgen.model import adapter, base_identity, build, trained
 from fracgen.model.export import export
 from fracgen.model.lora_file import load_lora, read
-from tests.gen.adapted import STREAMS, config, forward, plain, train
+from tests.gen.small import STREAMS, config, forward, plain, train
 
 
 def run(folder, **changes):

@@ -5,12 +5,13 @@ from importlib.util import find_spec
 
 import pytest
 import torch
+from lightning.pytorch.plugins.precision import MixedPrecision
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from fracgen.config.train import Trainer
-from fracgen.memory import attention, checkpointing, compiling, offload, optimiser, parallel, quantise, setup
+from fracgen.memory import attention, checkpointing, compiling, offload, optimiser, parallel, quantise
 from fracgen.model import adapter
-from tests.gen.adapted import config, forward, gradients, plain, train
+from tests.gen.small import config, forward, gradients, plain, train
 
 
 def prepared(**changes):
@@ -55,6 +56,21 @@ def test_selective_checkpointing_runs_attention_once_and_full_twice(mode, passes
     with Count() as count:
         gradients(transformer)
     assert count.calls == 4 * passes
+
+
+def test_operators_of_attention_are_those_of_this_pytorch():
+    names = [name.removeprefix("aten::") for name in checkpointing.ATTENTION if name.startswith("aten::")]
+    assert len(names) == 5
+    assert all(hasattr(torch.ops.aten, name) for name in names)
+
+
+def test_a_back_end_that_is_many_operators_is_recomputed_exactly_too():
+    transformer = prepared()
+    attention.set_backend(transformer, "_native_math")
+    expected = gradients(transformer)
+    checkpointing.set_mode(transformer, "selective")
+    assert equal(gradients(transformer), expected)
+    attention.set_backend(transformer, "native")
 
 
 def test_an_unknown_mode_of_checkpointing_is_refused():
@@ -143,25 +159,30 @@ def test_only_frozen_weights_wait_and_they_leave_no_copy_behind():
         compiling.compile_blocks(transformer)
 
 
-def test_weights_of_one_block_at_a_time_are_on_the_device(monkeypatch):
-    """Forward and backward: those of the block before are gone when those of a block have come."""
+@pytest.mark.parametrize(("ahead", "most"), [(False, 1), (True, 2)])
+def test_weights_of_one_block_at_a_time_are_on_the_device_or_of_two_when_fetched_ahead(monkeypatch, ahead, most):
+    """Each block comes once forward and once backward, and is gone when the next one but `most` comes."""
     transformer = prepared(layers=4)
     checkpointing.set_mode(transformer, "full")
     waiting = offload.offload_blocks(transformer, 4)
+    waiting.ahead = ahead  # as on CUDA
     one = waiting.bytes_waiting() // 4
-    alive, peaks = weakref.WeakSet(), []
+    alive, peaks, order = weakref.WeakSet(), [], []
     fetch = waiting._fetch
 
     def spy(index, device):
         fetch(index, device)
         alive.update(t.untyped_storage() for t in waiting.fetched[index])
         peaks.append(sum(storage.nbytes() for storage in alive))
+        order.append(index)
 
     monkeypatch.setattr(waiting, "_fetch", spy)
-    gradients(transformer)
-    assert len(peaks) == 8
-    assert max(peaks) == one
+    got = gradients(transformer)
+    assert order == [0, 1, 2, 3, 3, 2, 1, 0]
+    assert max(peaks) == most * one
     assert not alive
+    waiting.remove()
+    assert equal(gradients(transformer), got)
 
 
 def test_offloading_is_refused_where_it_cannot_work():
@@ -221,8 +242,9 @@ def test_a_quantised_base_is_small_learns_and_keeps_its_codes(kind, dtype):
     codes = {n: p.clone() for n, p in transformer.named_parameters() if not p.requires_grad}
     rows = sum(p.numel() for n, p in transformer.named_parameters() if n.endswith(".scale"))
     assert sum(c.nbytes for c in codes.values()) == before - linears * (dtype.itemsize - 1) + 4 * rows
-    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=dtype == torch.bfloat16):
-        train(transformer, steps=2)
+    for _ in range(2):  # autocast keeps cast weights until its end, so that every step has its own
+        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=dtype == torch.bfloat16):
+            train(transformer, steps=1)
     assert min(adapter.norms(transformer).values()) > 0
     assert all(torch.equal(p, codes[n]) for n, p in transformer.named_parameters() if n in codes)
 
@@ -248,6 +270,17 @@ def test_adamw_keeps_the_settings_of_its_groups():
     out = optimiser.build(groups, Trainer(weight_decay=0.3))
     assert isinstance(out, torch.optim.AdamW)
     assert [(g["lr"], g["weight_decay"]) for g in out.param_groups] == [(1e-4, 0.3), (1e-3, 0.0)]
+
+
+def test_gradients_can_be_clipped_under_mixed_precision():
+    """Lightning refuses it to optimisers that declare to undo loss scaling, as fused ones do."""
+    a = torch.nn.Parameter(torch.zeros(4))
+    out = optimiser.build([{"params": [a], "lr": 1e-3}], Trainer())
+    a.grad = torch.full((4,), 10.0)
+    MixedPrecision("bf16-mixed", "cpu").clip_gradients(out, 1.0)
+    torch.testing.assert_close(a.grad.norm(), torch.tensor(1.0))
+    out.step()
+    assert (a < 0).all()
 
 
 def test_adamw_of_8_bits_reaches_the_minimum_or_names_the_extra():
@@ -283,10 +316,12 @@ def test_context_parallelism_is_refused_where_it_cannot_work():
         parallel.enable_context_parallel(transformer, 2)
 
 
-@pytest.mark.parametrize("base_dtype", ["float32", "int8"])
-def test_the_choices_go_together(base_dtype):
-    """int8 weights of two waiting blocks, selective checkpointing: the gradients are those of int8 alone."""
+@pytest.mark.parametrize("kind", ["int8", "float8"])
+def test_8_bits_offload_and_selective_checkpointing_go_together(kind):
+    """The gradients are those of 8 bits alone."""
     transformer, other = prepared(), prepared()
-    setup.apply(transformer, Trainer(base_dtype=base_dtype, checkpointing="none"), "cpu")
-    setup.apply(other, Trainer(base_dtype=base_dtype, checkpointing="selective", offload_blocks=2), "cpu")
+    for network in (transformer, other):
+        quantise.quantise_base(network, kind)
+    checkpointing.set_mode(other, "selective")
+    offload.offload_blocks(other, 2)
     assert equal(gradients(other), gradients(transformer))

@@ -21,10 +21,11 @@ MODES = ("none", "full", "selective")
 ATTENTION = (
     "aten::_scaled_dot_product_flash_attention_for_cpu", "aten::_scaled_dot_product_flash_attention",
     "aten::_scaled_dot_product_efficient_attention", "aten::_scaled_dot_product_cudnn_attention",
-    "aten::_scaled_dot_product_fused_attention_overrideable", "aten::_scaled_dot_product_attention_math",
-    "flash_attn::_flash_attn_forward", "flash_attn_3::fwd", "xformers::efficient_attention_forward_cutlass",
+    "aten::_scaled_dot_product_fused_attention_overrideable",
+    "flash_attn::_flash_attn_forward", "_diffusers_flash_attn_3::_flash_attn_forward",
 )  # fmt: skip
-"""Operators that attention ends in, one or more for each back-end."""
+"""Operators that attention ends in: those of PyTorch, and those of the flash-attn packages, which have not been run
+here. A back-end that ends in another one, as _native_math, which is many, is recomputed like all the rest."""
 
 
 def set_mode(transformer: FracTransformer, mode: str) -> None:

@@ -1,5 +1,6 @@
 """What is trained of the transformer: low-rank adapters (LoRA, Hu et al. 2022) on a frozen base, or all of it."""
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -51,7 +52,14 @@ def add(transformer: FracTransformer, lora: Lora, name: str = ADAPTER) -> None:
                              "its layers end in to_q, to_k, to_v, to_out.0, ffn.net.0.proj, ffn.net.2.")  # fmt: skip
     kind: Any = LoraConfig  # its alpha need not be whole
     config = kind(r=lora.rank, lora_alpha=lora.alpha, target_modules=list(lora.targets))
-    transformer.add_adapter(config, adapter_name=name)
+    inject(transformer, config, name)
+
+
+def inject(transformer: FracTransformer, config: LoraConfig, name: str) -> None:
+    """Add the layers of an adapter and make it the only active one, without peft's warning of a second adapter."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Already found a `peft_config`")
+        transformer.add_adapter(config, adapter_name=name)
 
 
 def trained(transformer: nn.Module) -> Iterator[tuple[str, nn.Parameter]]:

@@ -1,14 +1,11 @@
 """What a training has made, for other programs: its LoRA as a file in two namings, or the whole model, merged."""
 
 import json
-import os
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
@@ -61,23 +58,12 @@ def save_lora(run: Path | str, path: Path | str, naming: str, dtype: torch.dtype
     if naming == DIFFUSERS:
         facts = {"r": lora["rank"], "lora_alpha": lora["alpha"], "target_modules": sorted(layers)}
         metadata[METADATA] = json.dumps({f"{PREFIX[naming]}{key}": value for key, value in facts.items()})
-    _save(Path(path), content, metadata)
+    trained.write(Path(path), content, metadata)
 
 
 def _renamed(layer: str, naming: str) -> str:
     """The name of a layer of the transformer in a naming."""
     return layer if naming == DIFFUSERS else to_released(f"{layer}.weight").removesuffix(".weight")
-
-
-def _save(path: Path, content: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
-    """Write a file that is complete or not there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        save_file({name: tensor.contiguous() for name, tensor in content.items()}, unfinished, dict(metadata))
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def merge(run: Path | str, folder: Path | str, dtype: torch.dtype = torch.float32, base: str = "") -> None:

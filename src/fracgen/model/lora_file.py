@@ -46,7 +46,7 @@ def load_lora(transformer: FracTransformer, path: Path | str, name: str = LOADED
         raise ValueError(f"lora={path}: the transformer has an adapter {name} already: give this one another name.")
     active = list(transformer.active_adapters()) if adapters else []
     moving = {id(parameter) for _, parameter in adapter.trained(transformer)}
-    transformer.add_adapter(_config(layers), adapter_name=name)
+    adapter.inject(transformer, _config(layers), name)
     own = dict(transformer.named_parameters())
     for layer, update in layers.items():
         for factor, value in (("lora_A", update.A), ("lora_B", update.B)):

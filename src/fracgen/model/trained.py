@@ -38,11 +38,19 @@ def state(transformer: nn.Module) -> dict[str, Tensor]:
 
 def save(path: Path | str, tensors: Mapping[str, Tensor], about: Mapping[str, Any]) -> None:
     """Write a file at once: it is complete or not there. Adds the version to `about`."""
-    path = Path(path)
+    write(Path(path), tensors, {"about": json.dumps({**about, "version": VERSION})})
+
+
+def write(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+    """Write a safetensors file that is complete or not there, with the rights that any new file gets."""
     content = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        save_file(content, unfinished, {"about": json.dumps({**about, "version": VERSION})})
+        unfinished.touch()
+        rights = unfinished.stat().st_mode
+        save_file(content, unfinished, dict(metadata))  # for the owner alone
+        unfinished.chmod(rights)
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
