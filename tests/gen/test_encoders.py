@@ -44,9 +44,9 @@ def tokenizer(folder: Path) -> None:
     made = Tokenizer(models.WordLevel({word: k for k, word in enumerate(words)}, unk_token="<unk>"))
     made.pre_tokenizer = pre_tokenizers.Whitespace()
     made.post_processor = processors.TemplateProcessing(single="$A </s>", special_tokens=[("</s>", 1)])
-    PreTrainedTokenizerFast(tokenizer_object=made, pad_token="<pad>", eos_token="</s>", unk_token="<unk>").save_pretrained(
-        folder
-    )
+    PreTrainedTokenizerFast(
+        tokenizer_object=made, pad_token="<pad>", eos_token="</s>", unk_token="<unk>"
+    ).save_pretrained(folder)
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +164,9 @@ def test_missing_and_unfit_encoders_are_refused_by_name(umt5_folder: Path) -> No
         encoders.text(Encoders(), 4096)
     with pytest.raises(ValueError, match=r"has 24 channels, but model.text_dim=4096: set model.text_dim=24"):
         encoders.text(Encoders(text_path=str(umt5_folder)), 4096)
-    with pytest.raises(ValueError, match=r"encoders.image_path= holds no CLIP: .* encoders.image=zeros needs none|weights"):
+    with pytest.raises(
+        ValueError, match=r"encoders.image_path= holds no CLIP: .* encoders.image=zeros needs none|weights"
+    ):
         encoders.image(Encoders())
 
 
@@ -172,7 +174,9 @@ def test_words_are_vectors_of_one_length_that_keep_the_order() -> None:
     """Deviation 1 of a word and 0.3 of its place; equal words differ by their places only."""
     encoder = encoders.text(Encoders(text="words"), 64)
     first, second = encoder.encode(["A duck. A duck", "Duck, a duck a"])
-    assert first.shape == (5, 64) and encoder.identity == "words-64" == encoders.text_identity(Encoders(text="words"), 64)
+    assert first.shape == (5, 64) and encoder.identity == "words-64" == encoders.text_identity(
+        Encoders(text="words"), 64
+    )
     assert not torch.equal(first[0], first[2])
     assert float((first[0] - first[2]).norm()) < 2 * 0.3 * 8 + 1e-6  # both places have the norm 0.3 sqrt(64)
     torch.testing.assert_close(first.sum(dim=0), second.sum(dim=0))  # the same words and the same places
