@@ -111,8 +111,8 @@ def _resume(file: Path, cfg: TrainVaeConfig, network: nn.Module, optimiser: torc
     other = [f"{name}={state['about'].get(name)}" for name, value in _about(cfg).items()
              if state["about"].get(name) != value]  # fmt: skip
     if other:
-        raise ValueError(f"output.folder={cfg.output.folder} holds the beginning of a training with {', '.join(other)}: "
-                         "repeat it with these, set output.overwrite=true, or choose another folder.")  # fmt: skip
+        raise ValueError(f"output.folder={cfg.output.folder} holds the beginning of a training with {', '.join(other)}"
+                         ": repeat it with these, set output.overwrite=true, or choose another folder.")  # fmt: skip
     network.load_state_dict(state["network"])
     optimiser.load_state_dict(state["optimiser"])
     return int(state["step"])

@@ -64,20 +64,22 @@ def initialise(network: nn.Module) -> None:
     training of minutes does not repair that. What a convolution adds from neighbouring pixels starts small, what a
     residual block adds starts at 0.
     """
-    for name, module in network.named_modules():
-        if isinstance(module, (nn.Conv2d, nn.Conv3d)):
-            if name.endswith((".conv2", ".proj")):  # the last layer of a residual or an attention block
-                nn.init.zeros_(module.weight)
-            else:
-                _rotate(module)
-            nn.init.zeros_(module.bias)
-    for part in (network.get_submodule("encoder"), network.get_submodule("decoder")):
-        # The norm at the end leaves directions only: a constant part turns magnitudes into directions.
-        bias = part.get_submodule("conv_in").bias
+    convolutions: dict[str, Any] = {
+        name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
+    }
+    for name, conv in convolutions.items():
+        if name.endswith((".conv2", ".proj")):  # the last layer of a residual or an attention block
+            nn.init.zeros_(conv.weight)
+        else:
+            _rotate(conv)
+        nn.init.zeros_(conv.bias)
+    for name in ("encoder.conv_in", "decoder.conv_in"):
+        # The norms behind keep directions only: a constant part turns magnitudes into directions.
+        bias = convolutions[name].bias
         nn.init.normal_(bias, std=len(bias) ** -0.5)
     for name in ("quant_conv", "post_quant_conv"):
-        nn.init.dirac_(network.get_submodule(name).weight)
-    network.get_submodule("quant_conv").bias[CHANNELS:] = LOG_VARIANCE
+        nn.init.dirac_(convolutions[name].weight)
+    convolutions["quant_conv"].bias[CHANNELS:] = LOG_VARIANCE
 
 
 def _rotate(conv: Any) -> None:
@@ -86,10 +88,10 @@ def _rotate(conv: Any) -> None:
     nn.init.orthogonal_(conv.weight, gain=NEIGHBOURS)
     twice = conv.kernel_size == (3, 1, 1) and out == 2 * channels  # makes two frames of one, equal at first
     core = nn.init.orthogonal_(torch.empty(out // 2 if twice else out, channels))
-    present = (-1,) * (conv.weight.ndim == 5)  # frames: causal; then the middle of rows and columns
-    conv.weight[(slice(None), slice(None), *present, *(k // 2 for k in conv.kernel_size[-2:]))] += (
-        torch.cat([core, core]) if twice else core
-    )
+    core = torch.cat([core, core]) if twice else core
+    rows, columns = (k // 2 for k in conv.kernel_size[-2:])
+    taps = conv.weight[:, :, -1] if conv.weight.ndim == 5 else conv.weight  # the present frame is the last one
+    taps[:, :, rows, columns] += core
 
 
 def find(cfg: Vae) -> tuple[Path, dict[str, Any]]:
