@@ -10,16 +10,16 @@ from fracsim import entry  # before Hydra, whose errors it explains
 
 import hydra  # isort: skip
 
-from fracgen.config.train_vae import TrainVae
+from fracgen.config.train_vae import TrainVaeConfig
 from fracsim.scene.program import Program
 
-PROGRAM: Program[TrainVae] = Program("fracgen.train_vae", "train_vae", TrainVae)
+PROGRAM: Program[TrainVaeConfig] = Program("fracgen.train_vae", "train_vae", TrainVaeConfig)
 RESUME = "repeat the command to go on from the last checkpoint"
 RESULT = "train_vae.json"
 """Written last: a folder that has it is finished."""
 
 
-def run(cfg: TrainVae) -> Path:
+def run(cfg: TrainVaeConfig) -> Path:
     """Train, and write weights, errors and the sheet; gives the folder.
 
     Raises ValueError for clips that do not do, and for a folder that holds something else.
@@ -56,7 +56,7 @@ def run(cfg: TrainVae) -> Path:
     return folder
 
 
-def _folder(cfg: TrainVae) -> Path | None:
+def _folder(cfg: TrainVaeConfig) -> Path | None:
     """The output folder, made; None when it is finished; raises ValueError when it holds another VAE."""
     folder = Path(cfg.output.folder).expanduser()
     if (folder / RESULT).is_file() and not cfg.output.overwrite:

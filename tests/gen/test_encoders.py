@@ -1,4 +1,4 @@
-"""Encoders of captions and pictures: UMT5 and CLIP from released and transformers layouts, and what needs no weights."""
+"""Encoders of captions and pictures: UMT5 and CLIP in released and transformers layouts, and those without weights."""
 
 import json
 import math
@@ -44,9 +44,9 @@ def tokenizer(folder: Path) -> None:
     made = Tokenizer(models.WordLevel({word: k for k, word in enumerate(words)}, unk_token="<unk>"))
     made.pre_tokenizer = pre_tokenizers.Whitespace()
     made.post_processor = processors.TemplateProcessing(single="$A </s>", special_tokens=[("</s>", 1)])
-    PreTrainedTokenizerFast(tokenizer_object=made, pad_token="<pad>", eos_token="</s>", unk_token="<unk>").save_pretrained(
-        folder
-    )
+    PreTrainedTokenizerFast(
+        tokenizer_object=made, pad_token="<pad>", eos_token="</s>", unk_token="<unk>"
+    ).save_pretrained(folder)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def rms(x: Tensor, weight: Tensor) -> Tensor:
 
 
 def bucket(distance: int) -> int:
-    """Number of a key's distance from the query, (Raffel et al. 2020): 16 a side, half exact, half logarithmic to 128."""
+    """Number of a key's distance (Raffel et al. 2020): 16 a side, half of them exact, half logarithmic up to 128."""
     side, far = (16 if distance > 0 else 0), abs(distance)
     return side + (far if far < 8 else min(15, 8 + int(math.log(far / 8) / math.log(128 / 8) * 8)))
 
@@ -105,7 +105,8 @@ def naive_t5(w: dict[str, Tensor], ids: list[int]) -> Tensor:
 def test_names_and_shapes_of_umt5_at_full_size_are_those_of_the_released_file() -> None:
     state = umt5.network(umt5.SIZES).state_dict()
     mine = {name: list(state[ours].shape) for name, ours in umt5.table(state).items()}
-    assert mine == json.loads(T5_KEYS.read_text()) and len(mine) == 242
+    assert mine == json.loads(T5_KEYS.read_text())
+    assert len(mine) == 242
 
 
 def test_umt5_computes_what_the_released_encoder_computes(umt5_net: Any, umt5_folder: Path) -> None:
@@ -146,7 +147,9 @@ def test_an_embedding_is_padded_with_zeros_after_its_end(umt5_folder: Path) -> N
     padded = encoders.pad(found)
     assert padded.shape == (3, encoders.TOKENS, T5["d_model"])
     for row, one in zip(padded, found, strict=True):
-        assert torch.equal(row[: len(one)], one) and not row[len(one) :].any() and one.any(dim=1).all()
+        assert torch.equal(row[: len(one)], one)
+        assert not row[len(one) :].any()
+        assert one.any(dim=1).all()
 
 
 def test_a_caption_beyond_512_tokens_is_cut(umt5_folder: Path) -> None:
@@ -164,7 +167,9 @@ def test_missing_and_unfit_encoders_are_refused_by_name(umt5_folder: Path) -> No
         encoders.text(Encoders(), 4096)
     with pytest.raises(ValueError, match=r"has 24 channels, but model.text_dim=4096: set model.text_dim=24"):
         encoders.text(Encoders(text_path=str(umt5_folder)), 4096)
-    with pytest.raises(ValueError, match=r"encoders.image_path= holds no CLIP: .* encoders.image=zeros needs none|weights"):
+    with pytest.raises(
+        ValueError, match=r"encoders.image_path= holds no CLIP: .* encoders.image=zeros needs none|weights"
+    ):
         encoders.image(Encoders())
 
 
@@ -172,7 +177,8 @@ def test_words_are_vectors_of_one_length_that_keep_the_order() -> None:
     """Deviation 1 of a word and 0.3 of its place; equal words differ by their places only."""
     encoder = encoders.text(Encoders(text="words"), 64)
     first, second = encoder.encode(["A duck. A duck", "Duck, a duck a"])
-    assert first.shape == (5, 64) and encoder.identity == "words-64" == encoders.text_identity(Encoders(text="words"), 64)
+    assert first.shape == (5, 64)
+    assert encoder.identity == "words-64" == encoders.text_identity(Encoders(text="words"), 64)
     assert not torch.equal(first[0], first[2])
     assert float((first[0] - first[2]).norm()) < 2 * 0.3 * 8 + 1e-6  # both places have the norm 0.3 sqrt(64)
     torch.testing.assert_close(first.sum(dim=0), second.sum(dim=0))  # the same words and the same places
@@ -231,7 +237,8 @@ def test_both_layouts_of_clip_encode_alike(vit: Any, tmp_path: Path, monkeypatch
     rgb = torch.randint(0, 256, (1, 30, 30, 3), dtype=torch.uint8)
     for path in (tmp_path, tmp_path / "image_encoder", tmp_path / "clip.pth"):
         encoder = encoders.image(Encoders(image_path=str(path)))
-        assert encoder is not None and encoder.identity == encoders.image_identity(Encoders(image_path=str(path)))
+        assert encoder is not None
+        assert encoder.identity == encoders.image_identity(Encoders(image_path=str(path)))
         assert torch.equal(encoder.encode(rgb), clip.ImageEncoder(vit, "").encode(rgb))
 
 

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from fracgen import vae, weights
 from fracgen.config.model import Vae
-from fracgen.vae import network as networks
 from fracgen.vae import names
+from fracgen.vae import network as networks
 
 TINY = Vae(base_dim=8, dim_mult=[1, 2, 2, 2], res_blocks=1)
 REFERENCE = Path(__file__).parents[1] / "reference" / "wan_vae_keys.json"
@@ -61,14 +61,16 @@ def full(cfg: Vae) -> Any:
 
 def test_names_and_shapes_at_full_size_are_those_of_the_released_file() -> None:
     mine = {name: list(value.shape) for name, value in networks.of_released(full(Vae()), Vae()).items()}
-    assert mine == json.loads(REFERENCE.read_text()) and len(mine) == 194
+    assert mine == json.loads(REFERENCE.read_text())
+    assert len(mine) == 194
 
 
 @pytest.mark.parametrize("cfg", [Vae(), Vae(res_blocks=1, dim_mult=[1, 2, 2, 2])], ids=["wan", "tiny"])
 def test_no_name_is_in_both_layouts(cfg: Vae) -> None:
     """So that a file needs no mark of its layout."""
     ours = set(full(cfg).state_dict())
-    assert not ours & set(names.table(ours, cfg.res_blocks)) and len(names.table(ours, cfg.res_blocks)) == len(ours)
+    assert not ours & set(names.table(ours, cfg.res_blocks))
+    assert len(names.table(ours, cfg.res_blocks)) == len(ours)
 
 
 def test_the_converter_agrees_with_that_of_diffusers() -> None:
@@ -92,7 +94,8 @@ def test_both_layouts_give_the_same_vae(network: Any, released: Path, diffusers:
 
 def test_the_identity_tells_weights_and_statistics_apart(network: Any, diffusers: Path, tmp_path: Path) -> None:
     same = vae.load(replace(TINY, path=str(diffusers), tile=32, dtype="bfloat16")).identity
-    assert same == vae.load(replace(TINY, path=str(diffusers))).identity and len(same) == 12
+    assert same == vae.load(replace(TINY, path=str(diffusers))).identity
+    assert len(same) == 12
     assert vae.load(TINY).identity == vae.load(TINY).identity != vae.load(replace(TINY, seed=1)).identity
     config = json.loads((diffusers / "vae" / "config.json").read_text())
     (tmp_path / "diffusion_pytorch_model.safetensors").symlink_to(
@@ -141,9 +144,12 @@ def test_the_hub_is_asked_for_the_files_of_the_vae_only(released: Path, monkeypa
 
 def test_the_latent_has_the_layout_of_the_design(frozen: vae.FrozenVae) -> None:
     latent = frozen.encode(video(17, 32, 48, clips=2))
-    assert latent.shape == (2, 16, 5, 4, 6) and latent.dtype == torch.float32
+    assert latent.shape == (2, 16, 5, 4, 6)
+    assert latent.dtype == torch.float32
     decoded = frozen.decode(latent)
-    assert decoded.shape == (2, 3, 17, 32, 48) and 0 <= decoded.min() and decoded.max() <= 1
+    assert decoded.shape == (2, 3, 17, 32, 48)
+    assert 0 <= decoded.min()
+    assert decoded.max() <= 1
 
 
 def test_a_clip_does_not_depend_on_its_batch(frozen: vae.FrozenVae) -> None:
@@ -199,7 +205,8 @@ def test_tiles_change_the_picture_near_seams_only(frozen: vae.FrozenVae) -> None
     latent = torch.randn(1, 16, 2, 8, 8, generator=torch.Generator().manual_seed(2))
     whole, tiled = frozen.decode(latent), vae.load(replace(TINY, tile=32)).decode(latent)
     error = (whole - tiled).square().mean(dim=(0, 1, 2)).sqrt()
-    assert tiled.shape == whole.shape and float(error.max()) > 0
+    assert tiled.shape == whole.shape
+    assert float(error.max()) > 0
     assert float(error.square().mean().sqrt()) < 0.5 * 2**0.5 * float(whole.std())
 
 

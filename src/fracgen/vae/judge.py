@@ -37,7 +37,7 @@ def statistics(network: Any, videos: Sequence[Videos]) -> tuple[list[float], lis
 
 
 def errors(vae: FrozenVae, videos: Sequence[Videos]) -> dict[str, dict[str, float]]:
-    """Of each stream over all clips: PSNR [dB], and that of the best single colour, which is no reconstruction at all."""
+    """PSNR [dB] of each stream over all clips, and that of the best single colour, which reconstructs nothing."""
     found: dict[str, list[tuple[float, float]]] = {}
     for one in progress.shown(videos, len(videos), "judge"):
         for name, video in one.streams.items():

@@ -24,6 +24,9 @@ STATISTICS = ("latents_mean", "latents_std")
 LOG_VARIANCE = -6.0
 """Of the posterior of random weights: its noise, exp(-3), does not drown a latent of deviation 1."""
 
+NEIGHBOURS = 0.3
+"""Gain of a convolution's random part over the frames and pixels that it sees."""
+
 
 def build(cfg: Vae) -> Any:
     """An AutoencoderKLWan in evaluation mode, float32, on the CPU.
@@ -55,22 +58,40 @@ def _network(cfg: Vae, statistics: Mapping[str, list[float]]) -> Any:
 
 @torch.no_grad()
 def initialise(network: nn.Module) -> None:
-    """Random weights that let the input through: a linear network at first, of gain 1 from pixels to latent to pixels.
+    """Random weights that let the input through: at first, every convolution rotates the channels of its own pixel.
 
-    With the default weights a signal shrinks by sqrt(3) at each of 14 convolutions in a row, and biases are all that
-    arrives; a training of minutes does not repair that.
+    With usual weights a signal passes 14 random matrices in a row, which leave little of it but one direction; a
+    training of minutes does not repair that. What a convolution adds from neighbouring pixels starts small, what a
+    residual block adds starts at 0.
     """
-    for module in network.modules():
-        if isinstance(module, (nn.Conv2d, nn.Conv3d)):
-            nn.init.orthogonal_(module.weight)
-            nn.init.zeros_(module.bias)
-    for name, module in network.named_modules():
-        last = name.endswith((".conv2", ".proj"))  # of a residual or an attention block, which then adds nothing
-        if last and isinstance(module, (nn.Conv2d, nn.Conv3d)):
-            nn.init.zeros_(module.weight)
+    convolutions: dict[str, Any] = {
+        name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
+    }
+    for name, conv in convolutions.items():
+        if name.endswith((".conv2", ".proj")):  # the last layer of a residual or an attention block
+            nn.init.zeros_(conv.weight)
+        else:
+            _rotate(conv)
+        nn.init.zeros_(conv.bias)
+    for name in ("encoder.conv_in", "decoder.conv_in"):
+        # The norms behind keep directions only: a constant part turns magnitudes into directions.
+        bias = convolutions[name].bias
+        nn.init.normal_(bias, std=len(bias) ** -0.5)
     for name in ("quant_conv", "post_quant_conv"):
-        nn.init.dirac_(network.get_submodule(name).weight)
-    network.get_submodule("quant_conv").bias[CHANNELS:] = LOG_VARIANCE
+        nn.init.dirac_(convolutions[name].weight)
+    convolutions["quant_conv"].bias[CHANNELS:] = LOG_VARIANCE
+
+
+def _rotate(conv: Any) -> None:
+    """Make a convolution a rotation of the channels at the present frame and pixel, plus little from the neighbours."""
+    out, channels = conv.weight.shape[:2]
+    nn.init.orthogonal_(conv.weight, gain=NEIGHBOURS)
+    twice = conv.kernel_size == (3, 1, 1) and out == 2 * channels  # makes two frames of one, equal at first
+    core = nn.init.orthogonal_(torch.empty(out // 2 if twice else out, channels))
+    core = torch.cat([core, core]) if twice else core
+    rows, columns = (k // 2 for k in conv.kernel_size[-2:])
+    taps = conv.weight[:, :, -1] if conv.weight.ndim == 5 else conv.weight  # the present frame is the last one
+    taps[:, :, rows, columns] += core
 
 
 def find(cfg: Vae) -> tuple[Path, dict[str, Any]]:
