@@ -17,6 +17,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from fracsim.asset import obj
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset
 
@@ -59,23 +60,17 @@ def files_of(path: Path) -> list[Path]:
         file = todo.pop()
         if file not in found and file.is_file():
             found.append(file)
-            todo += [file.parent / name for name in _named(file)]
+            todo += obj.files(file) if file.suffix.lower() == ".obj" else [file.parent / name for name in _named(file)]
     return [path, *sorted(found[1:])]
 
 
 def _named(file: Path) -> list[str]:
-    """File names that a glTF, OBJ or MTL file refers to."""
-    kind = file.suffix.lower()
-    if kind == ".gltf":
+    """File names that a glTF file refers to."""
+    if file.suffix.lower() == ".gltf":
         with contextlib.suppress(ValueError, AttributeError):
             document = json.loads(file.read_text(encoding="utf-8"))
             items = [*document.get("buffers", []), *document.get("images", [])]
             return [unquote(i["uri"]) for i in items if not i.get("uri", "data:").startswith("data:")]
-    if kind in (".obj", ".mtl"):
-        lines = (line.strip().partition(" ") for line in file.read_text(errors="replace").splitlines())
-        named = [rest.strip() for word, _, rest in lines if word.lower().startswith(("mtllib", "map_"))]
-        # Options may stand before the name of a map.
-        return [name for rest in named for name in (rest, rest.split()[-1] if rest else "")]
     return []
 
 

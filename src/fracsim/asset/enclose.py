@@ -1,4 +1,8 @@
-"""The body that a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner."""
+"""The body that a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner.
+
+Where a whole side is missing, as the unseen underside of a scan, the flood fills the object. Then rays decide: a cell is
+inside if nearly all directions but those of one open side meet the surface.
+"""
 
 from dataclasses import dataclass
 
@@ -11,8 +15,14 @@ from fracsim.records import Array
 
 OPAQUE = 0.1
 """Least sum of opacities of an occupied cell."""
-WIDEST_GAP = 4
-"""Gaps in the shell are closed up to twice this many cells."""
+WIDEST_GAP, WIDEST = 4, 0.04
+"""Gaps in the shell are closed up to twice this many cells, and up to twice this share of the object's extent."""
+TRIES = 5
+"""Widths of gaps that are tried, from none to the widest."""
+BLOCKED = 17
+"""Directions of 26 in which an inner cell meets the surface: all but the nine that point out of one open side."""
+HOLLOW = 0.1
+"""The flood has failed if it finds less than this share of what rays find beside it."""
 NEIGHBOURS = np.ones((3, 3, 3), bool)
 
 
@@ -28,6 +38,10 @@ class Body:
     """Distance below the surface [cells], (nx, ny, nz)."""
     gaps: int
     """Cells by which the shell had to be thickened to be closed."""
+    opened: float = 0.0
+    """Share of the inside that only rays found: the surface is open there."""
+    hollow: float = 0.0
+    """Cells that rays find inside and that stayed empty, over those of the body."""
 
     def volumes(self, X: Array, axes: list[Array], least: float) -> Array:
         """Volumes [cells], (N,), of particles at X (N, 3) [m], on the lattice of three coordinate arrays.
@@ -54,14 +68,61 @@ def enclose(trained: Gaussians, axes: list[Array], spacing: float) -> Body:
     Its cells are centred on the lattice of three coordinate arrays, (nx,), (ny,) and (nz,), of pitch `spacing` [m].
     """
     occupied = _occupied(trained, axes, spacing)
-    closed = [_closed(occupied, reach) for reach in range(WIDEST_GAP + 1)]
+    extent = float(np.ptp(trained.means, axis=0).max()) / spacing
+    widest = max(WIDEST_GAP, round(WIDEST * extent))
+    reaches = np.unique(np.linspace(0, widest, TRIES).round().astype(int))
+    closed = [_closed(occupied, int(reach)) for reach in reaches]
     sizes = np.array([c.sum() for c in closed])
-    gaps = int(np.argmax(sizes >= 0.9 * sizes.max()))
-    inside = closed[gaps]
+    chosen = int(np.argmax(sizes >= 0.9 * sizes.max()))
+    inside = closed[chosen]
+    thick = binary_dilation(occupied, NEIGHBOURS)
+    seen = _surrounded(thick) & ~thick & ~inside & _boxed(trained.means, axes)
+    opened = hollow = 0.0
+    if seen.sum() * HOLLOW > (inside & ~thick).sum():
+        chosen, before = 0, closed[0]
+        inside = _closed(occupied | seen, 1)
+        opened = float((inside & ~before).sum() / inside.sum())
+    else:
+        hollow = float(seen.sum() / inside.sum())
     shell = inside & binary_dilation(~inside, NEIGHBOURS)
     # The centres of shell cells are nearest to the outside, one cell away, and on the surface on average.
     depth = distance_transform_edt(inside) - 1.0
-    return Body(inside, shell, depth, gaps)
+    return Body(inside, shell, depth, int(reaches[chosen]), opened, hollow)
+
+
+def _boxed(means: Array, axes: list[Array]) -> Array:
+    """Whether the box of points (N, 3) reaches into a cell, (nx, ny, nz) bool."""
+    half = (axes[0][1] - axes[0][0]) / 2
+    lo, hi = means.min(axis=0) - half, means.max(axis=0) + half
+    x, y, z = ((a >= low) & (a <= high) for a, low, high in zip(axes, lo, hi, strict=True))
+    return np.asarray(x[:, None, None] & y[:, None] & z)
+
+
+def _surrounded(thick: Array) -> Array:
+    """Whether at least BLOCKED of the 26 directions to neighbours meet an occupied cell, (nx, ny, nz) bool.
+
+    The occupied cells are thickened by one, `thick`, (nx, ny, nz) bool, so that no ray slips through between two.
+    """
+    count = np.zeros(thick.shape, np.int8)
+    for way in np.argwhere(np.ones((3, 3, 3))) - 1:
+        if way.any():
+            count += _met(thick, way)
+    return np.asarray(count >= BLOCKED)
+
+
+def _met(thick: Array, way: Array) -> Array:
+    """Whether the ray from a cell in a direction, (3,) of -1, 0, 1, meets a cell of `thick`, (nx, ny, nz) bool.
+
+    By doubling: after k rounds it has looked 2^k cells far.
+    """
+    met, step = thick.copy(), 1
+    while step < max(thick.shape):
+        here = tuple(slice(None) if w == 0 else slice(None, -step) if w > 0 else slice(step, None) for w in way)
+        there = tuple(slice(None) if w == 0 else slice(step, None) if w > 0 else slice(None, -step) for w in way)
+        before = met.copy()
+        met[here] |= before[there]
+        step *= 2
+    return met
 
 
 def _occupied(trained: Gaussians, axes: list[Array], spacing: float) -> Array:

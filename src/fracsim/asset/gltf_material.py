@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from fracsim.asset import picture
 from fracsim.asset.gltf import Document
 from fracsim.asset.surface import GREY, srgb
 from fracsim.records import Array
@@ -69,17 +70,15 @@ def _textured(
         )
         document.notes.append(f"A texture {missing}: what it covers has the colour of its material.")
         return nothing
-    picture = document.image(source)
-    if picture is None:
+    image = document.image(source)
+    if image is None:
         return nothing
     (tx, ty), (sx, sy) = transform.get("offset", (0, 0)), transform.get("scale", (1, 1))
     c, s = np.cos(transform.get("rotation", 0.0)), np.sin(transform.get("rotation", 0.0))
     # Counter-clockwise in coordinates whose v points down; scaled first, moved last.
     u, v = sx * arrays[name][:, 0], sy * arrays[name][:, 1]
     uv = np.stack([c * u + s * v + tx, 1.0 - (-s * u + c * v + ty)], axis=1) if transform else _flipped(arrays[name])
-    rgba = np.asarray(picture.convert("RGBA"))
-    alpha = rgba[..., 3] / 255.0 if (rgba[..., 3] < 255).any() else None
-    return uv[faces], np.ascontiguousarray(np.asarray(picture.convert("RGB"))), alpha
+    return uv[faces], picture.rgb(image), picture.alpha(image)
 
 
 def _flipped(uv: Array) -> Array:

@@ -19,6 +19,8 @@ LONGEST, SHORTEST = 3.0, 0.02
 """Bounds of standard deviations [particle spacings]."""
 CLEAR = 0.6
 """Least distance of interior particles from trained Gaussians [particle spacings]."""
+NOTED = 0.2
+"""Hollow cells over those of the body from which on they are noted."""
 LEAST = 0.02
 """Least volume of a particle [cells], before all are scaled to the body's volume: many Gaussians may share a cell."""
 
@@ -120,8 +122,22 @@ def _notes(long: int, body: enclose.Body) -> tuple[str, ...]:
         notes.append(f"{long} Gaussians were shortened to a standard deviation of {LONGEST:g} particle spacings.")
     if body.gaps:
         notes.append(f"Gaps in the surface of up to {2 * body.gaps} particle spacings were closed to find the inside.")
+    if body.opened:
+        notes.append(
+            f"The surface is open on one side, as an underside that no camera saw: {body.opened:.0%} of the inside was "
+            "found by rays that meet the surface in most directions, and filled. If the object is a vessel, give it as a "
+            "mesh with walls (asset.kind=mesh)."
+        )
+    if body.hollow > NOTED:
+        notes.append(
+            f"The object stayed hollow where it may be solid: cells as many as {body.hollow:.0%} of its own lie within "
+            "its surface on most sides. If it is solid, close the surface, or give it as a closed mesh (asset.kind=mesh)."
+        )
     if not (body.inside & ~body.shell).any():
-        notes.append("The Gaussians enclose nothing: only their shell is simulated. Raise solver.cells if it is solid.")
+        notes.append(
+            "The Gaussians enclose nothing: only their shell is simulated. If the object is solid, close its surface, "
+            "or give it as a closed mesh (asset.kind=mesh)."
+        )
     return tuple(notes)
 
 
