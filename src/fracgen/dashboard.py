@@ -109,7 +109,9 @@ def workspace(parts: Sequence[Part], name: str, axis: str, entity: str, project:
     try:
         import wandb_workspaces.workspaces as ws
     except ImportError:
-        raise ValueError("fracgen.dashboard needs the package wandb-workspaces: pip install 'fracsim[watch]'.") from None
+        raise ValueError(
+            "fracgen.dashboard needs the package wandb-workspaces: pip install 'fracsim[watch]'."
+        ) from None
     sections = [
         ws.Section(name=part.title, is_open=k < 3, panels=[_panel(panel, axis) for panel in part.panels])
         for k, part in enumerate(parts)
@@ -146,11 +148,17 @@ def videos_of(run: Path) -> list[str]:
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """The parsed options."""
     parser = argparse.ArgumentParser(prog="python -m fracgen.dashboard", description=__doc__)
-    parser.add_argument("what", choices=("sweep", "train"), help="sweep: python -m fracsim; train: python -m fracgen.train")
+    parser.add_argument(
+        "what", choices=("sweep", "train"), help="sweep: python -m fracsim; train: python -m fracgen.train"
+    )
     parser.add_argument("--project", default="", help="project of wandb (WANDB_PROJECT, or fracsim or fracgen)")
     parser.add_argument("--entity", default=os.environ.get("WANDB_ENTITY", ""), help="user or team (WANDB_ENTITY)")
-    parser.add_argument("--run", type=Path, metavar="FOLDER", help="a training whose videos are shown in an own section")
-    parser.add_argument("--to", type=Path, metavar="FILE", help="write the specification there and save nothing to wandb")
+    parser.add_argument(
+        "--run", type=Path, metavar="FOLDER", help="a training whose videos are shown in an own section"
+    )
+    parser.add_argument(
+        "--to", type=Path, metavar="FILE", help="write the specification there and save nothing to wandb"
+    )
     return parser.parse_args(argv)
 
 

@@ -2,26 +2,17 @@
 
 import sys
 from pathlib import Path
-from typing import Any
-
-from fracsim import entry  # before Hydra, whose errors it explains
-
-import hydra  # isort: skip
 
 from fracgen.config.encode import EncodeConfig
+from fracsim import entry
 from fracsim.scene.program import Program
 
 ENCODE: Program[EncodeConfig] = Program("fracgen.encode", "encode", EncodeConfig)
 RESUME = "repeat the command to go on; clips that are in the cache are not encoded again"
 
 
-def task(cfg: Any) -> None:
-    """Encode, or verify, as a composed configuration says; raises ValueError, OSError."""
-    from hydra.core.hydra_config import HydraConfig
-    from omegaconf import OmegaConf
-
-    overrides: Any = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
-    config = ENCODE.resolve(cfg, overrides)
+def task(config: EncodeConfig) -> None:
+    """Encode, or verify, as a configuration says; raises ValueError, OSError."""
     (verify if config.verify else encode)(config)
 
 
@@ -64,12 +55,9 @@ def verify(cfg: EncodeConfig) -> None:
           f"{f'; {waiting} clips wait to be encoded again' if waiting else ''}")  # fmt: skip
 
 
-run = hydra.main(config_path=str(ENCODE.folder), config_name=ENCODE.primary, version_base="1.3")(task)
-
-
 def main() -> None:
     """Entry point; exit status 2 after an error, 130 after Ctrl-C or SIGTERM."""
-    entry.main(ENCODE, run, RESUME)
+    entry.launch(ENCODE, task, RESUME)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,10 @@
 """python -m fracgen.plan: what a training takes on a device; exit status 2 when it does not fit."""
 
 import sys
-from typing import TYPE_CHECKING, Any
-
-from fracsim import entry  # before Hydra, whose errors it explains
-
-import hydra  # isort: skip
+from typing import TYPE_CHECKING
 
 from fracgen.config.plan import PlanConfig
+from fracsim import entry
 from fracsim.scene.program import Program
 
 if TYPE_CHECKING:
@@ -22,10 +19,8 @@ RESUME = "nothing was changed"
 PETA = 1e15
 
 
-def task(cfg: Any) -> None:
-    """Print the plan of a composed configuration; exit status 2 when it does not fit."""
-    config = PLAN.resolve(cfg)
-
+def task(config: PlanConfig) -> None:
+    """Print the plan of a configuration; exit status 2 when it does not fit."""
     from rich.console import Console
 
     from fracgen.memory import planner
@@ -165,12 +160,9 @@ def gib(sizes: list[int]) -> list[str]:
     return [f"{size / GIB:.3g}" for size in sizes]
 
 
-run = hydra.main(config_path=str(PLAN.folder), config_name=PLAN.primary, version_base="1.3")(task)
-
-
 def main() -> None:
     """Entry point; exit status 2 after an error or when the training does not fit, 130 after Ctrl-C or SIGTERM."""
-    entry.main(PLAN, run, RESUME)
+    entry.launch(PLAN, task, RESUME)
 
 
 if __name__ == "__main__":

@@ -1,36 +1,17 @@
 """python -m fracgen.train: train a stage, or all three; repeat the command to go on."""
 
 import sys
-from typing import Any
-
-from fracsim import entry  # before Hydra, whose errors it explains
-
-import hydra  # isort: skip
 
 from fracgen.config.train import TrainConfig, check_weights
+from fracsim import entry
 from fracsim.scene.program import Program
 
 TRAIN: Program[TrainConfig] = Program("fracgen.train", "train", TrainConfig, optional=("experiment", "debug"))
 RESUME = "repeat the command to go on from the checkpoint"
-failed: list[str] = []
-"""Errors of the jobs of this process; a multirun goes on behind one."""
 
 
-def task(config: Any) -> None:
-    """Train what a composed configuration says; raises KeyboardInterrupt after a signal. Errors are told."""
-    from hydra.core.hydra_config import HydraConfig
-    from omegaconf import OmegaConf
-
-    overrides: Any = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
-    try:
-        _train(TRAIN.resolve(config, overrides))
-    except ValueError as error:
-        failed.append(str(error))
-        entry.complain(str(error))
-
-
-def _train(cfg: TrainConfig) -> None:
-    """Train, or compute a step again; raises ValueError."""
+def task(cfg: TrainConfig) -> None:
+    """Train, or compute a step again; raises ValueError, and KeyboardInterrupt after a signal."""
     if cfg.replay:
         from fracgen.training import replay
 
@@ -49,14 +30,9 @@ def _train(cfg: TrainConfig) -> None:
         sys.exit(0)  # the first process tells
 
 
-run = hydra.main(config_path=str(TRAIN.folder), config_name=TRAIN.primary, version_base="1.3")(task)
-
-
 def main() -> None:
     """Entry point; exit status 0 after training, 2 after an error, 130 after Ctrl-C or SIGTERM."""
-    entry.main(TRAIN, run, RESUME)
-    if failed:
-        sys.exit(entry.BAD)
+    entry.launch(TRAIN, task, RESUME)
 
 
 if __name__ == "__main__":

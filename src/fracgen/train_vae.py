@@ -6,11 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from fracsim import entry  # before Hydra, whose errors it explains
-
-import hydra  # isort: skip
-
 from fracgen.config.train_vae import TrainVaeConfig
+from fracsim import entry
 from fracsim.scene.program import Program
 
 PROGRAM: Program[TrainVaeConfig] = Program("fracgen.train_vae", "train_vae", TrainVaeConfig)
@@ -92,15 +89,9 @@ def _report(found: dict[str, Any], folder: Path) -> None:
           f"use vae.path={folder}")  # fmt: skip
 
 
-def task(cfg: Any) -> None:
-    """What Hydra calls."""
-    run(PROGRAM.resolve(cfg))
-
-
 def main() -> None:
     """Entry point; exit status 0 when the VAE is trained, 2 after an error, 130 after Ctrl-C or SIGTERM."""
-    made = hydra.main(config_path=str(PROGRAM.folder), config_name=PROGRAM.primary, version_base="1.3")(task)
-    entry.main(PROGRAM, made, RESUME)
+    entry.launch(PROGRAM, run, RESUME)
 
 
 if __name__ == "__main__":

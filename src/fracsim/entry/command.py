@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 # Let Hydra's errors arrive in main(), which explains them.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
@@ -12,6 +12,7 @@ from fracsim.entry.interrupt import Interrupt
 from fracsim.scene.program import Program
 from fracsim.version import __version__
 
+T = TypeVar("T")
 BAD, INTERRUPTED = 2, 130
 """Exit statuses."""
 
@@ -19,6 +20,44 @@ BAD, INTERRUPTED = 2, 130
 def complain(message: str) -> None:
     """Print one clear error."""
     print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
+
+
+def launch(program: Program[T], task: Callable[[T], Any], resume: str) -> None:
+    """Run `task` on the configuration of the command line, in a multirun on each; exit statuses as those of `main`.
+
+    A ValueError or OSError of one job is told, and the others go on.
+    """
+    import hydra
+
+    failed, process = [], os.getpid()
+
+    def job(config: Any) -> None:
+        from hydra.core.hydra_config import HydraConfig
+        from omegaconf import OmegaConf
+
+        overrides: Any = OmegaConf.to_container(HydraConfig.get().overrides.task, resolve=False)
+        try:
+            task(program.resolve(config, overrides))
+        except (ValueError, OSError) as error:
+            complain(_told(error))
+            failed.append(error)
+            if os.getpid() != process:  # a worker, whose list nobody reads
+                raise
+
+    main(
+        program,
+        hydra.main(config_path=str(program.folder), config_name=program.primary, version_base="1.3")(job),
+        resume,
+    )
+    if failed:
+        sys.exit(BAD)
+
+
+def _told(error: Exception) -> str:
+    """What an error means to the user."""
+    if isinstance(error, OSError):
+        return f"{error}: free some space or set output.folder to a folder you may write to, then repeat the command"
+    return str(error)
 
 
 def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
@@ -52,7 +91,7 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     except BrokenPipeError:  # the reader has seen enough, as in `--help | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        complain(f"{error}: free some space or set output.folder to a folder you may write to, then repeat the command")
+        complain(_told(error))
         sys.exit(BAD)
 
 
