@@ -68,10 +68,11 @@ def _folder(cfg: TrainVaeConfig) -> Path | None:
 
 
 def _publish(network: Any, folder: Path) -> None:
-    """Move config and weights into the folder, each whole."""
+    """Move weights and then their config into the folder: without a config it is no VAE."""
     part = folder / "partial"
     network.save_pretrained(part)
-    for file in part.iterdir():
+    (folder / "config.json").unlink(missing_ok=True)
+    for file in sorted(part.iterdir(), reverse=True):
         os.replace(file, folder / file.name)
     part.rmdir()
 

@@ -274,4 +274,5 @@ def test_pictures_are_squeezed_and_normalised() -> None:
 
 def test_without_clip_there_is_no_picture_encoder() -> None:
     assert encoders.image(Encoders(image="zeros")) is None
-    assert encoders.image_identity(Encoders(image="zeros")) == "zeros"
+    cfg = Encoders(text="words", image="zeros")
+    assert encoders.identity_of(cfg, 64) == {"text": "words-64", "image": "zeros"}

@@ -90,6 +90,7 @@ def test_both_layouts_give_the_same_vae(network: Any, released: Path, diffusers:
     latents = [one.encode(video()) for one in loaded]
     assert all(torch.equal(latent, latents[0]) for latent in latents)
     assert {one.identity for one in loaded} == {vae.FrozenVae(network).identity}
+    assert vae.identity_of(replace(TINY, path=str(released))) == loaded[0].identity
 
 
 def test_the_identity_tells_weights_and_statistics_apart(network: Any, diffusers: Path, tmp_path: Path) -> None:

@@ -22,8 +22,7 @@ class FrozenVae:
 
     def __init__(self, network: Any, tile: int = 0, dtype: torch.dtype = torch.float32) -> None:
         """Take over `network`, an AutoencoderKLWan; `tile` [px] is the edge of tiles that are decoded one by one."""
-        about = [(name, network.config[name]) for name in (*SIZES.values(), *STATISTICS)]
-        self.identity: str = weights.digest(network.state_dict(), about)
+        self.identity: str = _identity(network)
         """12 hex digits over weights, sizes and latent statistics; equal whatever `tile` and `dtype` are."""
         self.network = nn.Module.to(network, dtype).eval().requires_grad_(False)
         shape = (1, CHANNELS, 1, 1, 1)
@@ -76,6 +75,17 @@ def _check(video: Tensor) -> None:
             f"video: values from {least:g} to {most:g} must lie in [0, 1]: divide uint8 by 255, and do not scale to "
             "[-1, 1], which encode does."
         )
+
+
+def _identity(network: Any) -> str:
+    about = [(name, list(value) if isinstance(value, (list, tuple)) else value) for name, value in
+             ((name, network.config[name]) for name in (*SIZES.values(), *STATISTICS))]  # fmt: skip
+    return weights.digest(network.state_dict(), about)
+
+
+def identity_of(cfg: Vae) -> str:
+    """`load(cfg).identity`, for comparing caches; reads the weights and uses no device. Raises ValueError as `load`."""
+    return _identity(build(cfg))
 
 
 def load(cfg: Vae, device: torch.device | str = "cpu") -> FrozenVae:
