@@ -1,4 +1,4 @@
-"""A run of training whose weights are random, a picture, a condition and simulated-looking clips, for sampling."""
+"""A run of training whose weights are random, a picture, a condition and clips of random pictures, for sampling."""
 
 import json
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import torch
 from PIL import Image
 
@@ -17,8 +18,9 @@ from fracgen.config.model import Encoders, Lora, Model, Vae
 from fracgen.config.sample import Generated, SampleConfig, Sampler
 from fracgen.config.train import TrainConfig
 from fracgen.model import adapter, trained
+from fracgen.sampling import job
 from fracsim import Camera, Capture, Scene
-from fracsim.sample import Writer, header_of
+from fracsim.sample import Sample, Writer, header_of, read
 from fracsim.scene.vocab import Asset, Loading, Output
 
 WIDTH, HEIGHT, FRAMES, TEXT = 48, 32, 5, 12
@@ -31,21 +33,25 @@ STREAMS = ("rgb", "flow", "strain", "stress", "damage")
 
 def cache() -> dict[str, Any]:
     """What cache.json of the run's latents says."""
-    return {"version": 1, "vae": vae.load(VAE).identity, "vae_dtype": "float32", "width": WIDTH, "height": HEIGHT, "frames": FRAMES,
-            "frame_select": "head", "fps": 100.0, "streams": list(STREAMS),
-            "text": encoders.text_identity(WORDS, TEXT), "text_dim": TEXT, "image": encoders.image_identity(WORDS),
-            "dtype": "bfloat16", "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip
+    return {
+        "version": 1, "vae": vae.load(VAE).identity, "vae_dtype": "float32", "width": WIDTH, "height": HEIGHT,
+        "frames": FRAMES, "frame_select": "head", "fps": 100.0, "streams": list(STREAMS),
+        "text": encoders.text_identity(WORDS, TEXT), "text_dim": TEXT, "image": encoders.image_identity(WORDS),
+        "dtype": "bfloat16", "normalisation": {"version": 1, "percentile": 99.5},
+    }  # fmt: skip
 
 
-def write_run(folder: Path, streams: Sequence[str] = STREAMS, stage: int = 3, **changes: Any) -> Path:
-    """A folder of a run with random adapters that do change the network."""
+def write_run(folder: Path, streams: Sequence[str] = STREAMS, stage: int = 3, train: str = "lora",
+              **changes: Any) -> Path:  # fmt: skip
+    """A folder of a run with random weights, which do change the network."""
     folder.mkdir(parents=True)
-    network = model.build(MODEL, streams)
-    adapter.prepare(network, MODEL)
+    cfg = replace(MODEL, train=train)
+    network = model.build(cfg, streams)
+    adapter.prepare(network, cfg)
     generator = torch.Generator().manual_seed(5)
     tensors = {name: 0.1 * torch.randn(value.shape, generator=generator)
                for name, value in trained.state(network).items()}  # fmt: skip
-    about = {"stage": stage, "streams": list(streams), "model": asdict(MODEL), "base": model.base_identity(MODEL),
+    about = {"stage": stage, "streams": list(streams), "model": asdict(cfg), "base": model.base_identity(cfg),
              "scalars": list(conditioning.SCALARS), "conditioning": asdict(Conditioning()),
              "config": asdict(TrainConfig()), "cache": cache(), **changes}  # fmt: skip
     trained.save(folder / trained.FILE, {f"transformer.{name}": value for name, value in tensors.items()}, about)
@@ -92,3 +98,31 @@ def clips(folder: Path, objects: Sequence[str] = ("bread", "star", "cake"), fact
             writer.finish(report={"break_frame": 3, "torn_frame": None, "particles": 9, "substeps": 9, "clamped": 0,
                                   "energy": {"grip_work": 1.0, "gravity_work": 0.0, "unaccounted": 0.0}})  # fmt: skip
     return folder
+
+
+@pytest.fixture(scope="module", name="place")
+def place_fixture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with runs of stages 1 and 3, a picture, a condition, and a data set."""
+    folder = tmp_path_factory.mktemp("place")
+    write_run(folder / "stage1-a", streams=("rgb",), stage=1)
+    write_run(folder / "stage3-b")
+    picture(folder / "tart.png")
+    condition(folder / "pull.json")
+    clips(folder / "data")
+    return folder
+
+
+@pytest.fixture(name="single")
+def single_fixture(place: Path, tmp_path: Path) -> SampleConfig:
+    """A picture and a condition, into a folder of its own."""
+    return config(place / "stage3-b", tmp_path, image=str(place / "tart.png"), condition=str(place / "pull.json"))
+
+
+@pytest.fixture(name="batch")
+def batch_fixture(place: Path, tmp_path: Path) -> SampleConfig:
+    """The two clips of the test split, into a folder of its own."""
+    return config(place / "stage3-b", tmp_path, data=str(place / "data"))
+
+
+def sampled(cfg: SampleConfig) -> list[Sample]:
+    return [read(folder) for folder in job.run(cfg)]

@@ -33,8 +33,9 @@ class Words:
     def _one(self, found: list[str]) -> Tensor:
         found = [*(word.rstrip(".'-") for word in found[: self.tokens - 1]), END]
         rows = torch.stack([draws.normal((self.dim,), "word", word) for word in found])
-        rows = rows / rows.norm(dim=1, keepdim=True) * math.sqrt(self.dim)
-        return rows + POSITION * math.sqrt(2) * _places(len(found), self.dim)
+        rows *= math.sqrt(self.dim) / rows.norm(dim=1, keepdim=True)
+        out: Tensor = rows + POSITION * math.sqrt(2) * _places(len(found), self.dim)
+        return out
 
 
 def _places(n: int, dim: int) -> Tensor:

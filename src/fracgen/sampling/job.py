@@ -54,18 +54,19 @@ def _batch(asked: Sequence[Request], there: Networks, made: Made, device: torch.
     """Sample a batch, write its samples and give their folders; raises ValueError when a latent is not finite."""
     cfg, begin = made.cfg, time.perf_counter()
     given, first = networks.inputs(asked, there, made.run, cfg.ranges)
-    latents = generate.sample(
-        there.transformer,
-        generate.initial(given, cfg.seed, [request.key for request in asked]).to(device),
-        given,
-        flow.levels(cfg.sampler.steps, float(made.sampler["shift"])),
-        solver=cfg.sampler.solver,
-        guidance=cfg.sampler.guidance,
-        empty=there.captions(""),
-        passes=cfg.sampler.passes,
-        first=first if cfg.sampler.overwrite_first_latent else None,
-        advance=tick,
-    )
+    with there.transformer.reuse_context():  # exact, since captions and pictures stay the same
+        latents = generate.sample(
+            there.transformer,
+            generate.initial(given, cfg.seed, [request.key for request in asked]).to(device),
+            given,
+            flow.levels(cfg.sampler.steps, float(made.sampler["shift"])),
+            solver=cfg.sampler.solver,
+            guidance=cfg.sampler.guidance,
+            empty=there.captions(""),
+            passes=cfg.sampler.passes,
+            first=first if cfg.sampler.overwrite_first_latent else None,
+            advance=tick,
+        )
     if not torch.isfinite(latents).all():
         raise ValueError(f"sampler.dtype={made.sampler['dtype']}: the network gives numbers that are not finite; set "
                          "sampler.dtype=float32, or check the weights of the run.")  # fmt: skip

@@ -12,8 +12,10 @@ from torch import Tensor
 
 from fracgen import conditioning, encoders, layout, vae
 from fracgen.config.sample import SampleConfig
-from fracgen.denoiser import Inputs, Network
+from fracgen.denoiser import Inputs
 from fracgen.model import trained
+from fracgen.model.load import keeps_float32
+from fracgen.model.transformer import FracTransformer
 from fracgen.sampling.request import Request
 from fracgen.sampling.trained_run import TrainedRun
 from fracgen.vae import FrozenVae
@@ -40,7 +42,7 @@ class Networks(NamedTuple):
     image: encoders.ImageEncoder | None
     """None for a network without that branch, or without that encoder."""
     vae: FrozenVae
-    transformer: Network
+    transformer: FracTransformer
 
 
 def load(requests: Sequence[Request], cfg: SampleConfig, run: TrainedRun, dtype: str, device: torch.device) -> Networks:
@@ -52,8 +54,16 @@ def load(requests: Sequence[Request], cfg: SampleConfig, run: TrainedRun, dtype:
     run.check_vae(decoder.identity)
     captions = Captions([*(request.caption for request in requests), ""], cfg, run, device)
     image = encoders.image(cfg.encoders, device) if run.model.image_dim else None
-    network: Any = trained.assemble(run.path, str(device), getattr(torch, dtype), run.model)
-    return Networks(captions, image, decoder, cast(Network, network))
+    return Networks(captions, image, decoder, _transformer(run, getattr(torch, dtype), device))
+
+
+def _transformer(run: TrainedRun, dtype: torch.dtype, device: torch.device) -> FracTransformer:
+    """The network of a run with weights of a type, also those that were trained in float32."""
+    network: Any = trained.assemble(run.path, str(device), dtype, run.model)
+    for name, parameter in network.named_parameters():
+        if not keeps_float32(network, name):
+            parameter.data = parameter.data.to(dtype)
+    return cast(FracTransformer, network)
 
 
 def inputs(requests: Sequence[Request], networks: Networks, run: TrainedRun, ranges: str) -> tuple[Inputs, Tensor]:

@@ -3,7 +3,7 @@
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from fracgen import weights
 from fracgen.config.model import Vae
@@ -25,7 +25,7 @@ class FrozenVae:
         about = [(name, network.config[name]) for name in (*SIZES.values(), *STATISTICS)]
         self.identity: str = weights.digest(network.state_dict(), about)
         """12 hex digits over weights, sizes and latent statistics; equal whatever `tile` and `dtype` are."""
-        self.network = network.to(dtype).eval().requires_grad_(False)
+        self.network = nn.Module.to(network, dtype).eval().requires_grad_(False)
         shape = (1, CHANNELS, 1, 1, 1)
         self.mean = torch.tensor(network.config.latents_mean, device=network.device).reshape(shape)
         self.std = torch.tensor(network.config.latents_std, device=network.device).reshape(shape)
