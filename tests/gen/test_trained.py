@@ -7,7 +7,7 @@ import torch
 from safetensors.torch import save_file
 
 from fracgen.model import adapter, trained
-from tests.gen.networks import config, forward, plain, train
+from tests.gen.small import config, forward, plain, train
 
 
 def prepared(**changes):
@@ -72,6 +72,11 @@ def test_a_file_is_complete_or_not_there(tmp_path, monkeypatch):
         trained.save(path, {"transformer.x": torch.zeros(3)}, about())
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == [trained.FILE]
+
+
+def test_a_file_has_the_rights_of_any_new_file(tmp_path):
+    (tmp_path / "other").touch()
+    assert written(tmp_path).stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
 def test_missing_extra_and_misshapen_tensors_are_named_and_nothing_changes():

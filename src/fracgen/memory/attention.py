@@ -2,22 +2,24 @@
 
 import logging
 from functools import cache
+from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
 from diffusers.models import attention_dispatch as dispatch
+
+from fracgen.model import FracTransformer
 
 REMOTE = "_hub"
 """Ending of back-ends whose kernels diffusers downloads."""
 
 
-def set_backend(transformer: WanTransformer3DModel, name: str, device: str = "cpu", *, training: bool = True) -> None:
-    """Let attention run by the back-end `name`, which is tried out first on the kind of `device` that will run it.
+def set_backend(transformer: FracTransformer, name: str, device: str | None = None, *, training: bool = True) -> None:
+    """Let attention run by the back-end `name`, which is tried out first.
 
-    Raises ValueError, listing what this machine has, for a back-end that is unknown, not installed, without support for
-    this device or, in `training`, without gradients.
+    `device` is what will run the transformer, if it is not there yet. Raises ValueError, listing what this machine has,
+    for a back-end that is unknown, not installed, without support for the device or, in `training`, without gradients.
     """
-    kind = torch.device(device).type
+    kind = torch.device(device or next(transformer.parameters()).device).type
     reason = _fault(name, kind, training)
     if reason:
         raise ValueError(f"trainer.attention={name} cannot be used on this machine ({reason}): it has "
@@ -44,13 +46,13 @@ def _fault(name: str, device: str, training: bool) -> str | None:
         backend = dispatch.AttentionBackendName(name)
     except ValueError:
         return "there is no such back-end"
-    query = torch.ones(1, 16, 2, 64, device=device, dtype=torch.bfloat16, requires_grad=training)
+    query: Any = torch.ones(1, 16, 2, 64, device=device, dtype=torch.bfloat16, requires_grad=training)
     try:
         dispatch._check_attention_backend_requirements(backend)
         dispatch._maybe_download_kernel_for_backend(backend)
-        out = dispatch.dispatch_attention_fn(query, query, query, backend=backend)
+        out: Any = dispatch.dispatch_attention_fn(query, query, query, backend=backend)
         if training:
-            out.float().sum().backward()
+            torch.autograd.grad(out.float().sum(), query)
     except Exception as error:  # what libraries of kernels raise is not ours to list
         return str(error).strip().split("\n")[0][:150] or type(error).__name__
     return None

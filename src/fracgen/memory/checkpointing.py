@@ -1,4 +1,4 @@
-"""Gradient checkpointing: activations of a block are recomputed in the backward pass instead of kept (Chen et al. 2016).
+"""Gradient checkpointing (Chen et al. 2016): activations of a block are recomputed in the backward pass, not kept.
 
 Every mode gives the same gradients. `selective` keeps the outputs of attention, which are most of the cost of a long
 clip and little of its memory.
@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
 from torch import nn
 from torch.utils.checkpoint import (
     CheckpointPolicy,
@@ -16,24 +15,27 @@ from torch.utils.checkpoint import (
     create_selective_checkpoint_contexts,
 )
 
+from fracgen.model import FracTransformer
+
 MODES = ("none", "full", "selective")
 ATTENTION = (
     "aten::_scaled_dot_product_flash_attention_for_cpu", "aten::_scaled_dot_product_flash_attention",
     "aten::_scaled_dot_product_efficient_attention", "aten::_scaled_dot_product_cudnn_attention",
-    "aten::_scaled_dot_product_fused_attention_overrideable", "aten::_scaled_dot_product_attention_math",
-    "flash_attn::_flash_attn_forward", "flash_attn_3::fwd", "xformers::efficient_attention_forward_cutlass",
+    "aten::_scaled_dot_product_fused_attention_overrideable",
+    "flash_attn::_flash_attn_forward", "_diffusers_flash_attn_3::_flash_attn_forward",
 )  # fmt: skip
-"""Operators that attention ends in, one or more for each back-end."""
+"""Operators that attention ends in: those of PyTorch, and those of the flash-attn packages, which have not been run
+here. A back-end that ends in another one, as _native_math, which is many, is recomputed like all the rest."""
 
 
-def set_mode(transformer: WanTransformer3DModel, mode: str) -> None:
+def set_mode(transformer: FracTransformer, mode: str) -> None:
     """Recompute nothing ("none"), whole blocks ("full"), or all but attention ("selective"); raises ValueError."""
     if mode not in MODES:
         raise ValueError(f"trainer.checkpointing={mode} is not allowed: it must be one of {', '.join(MODES)}.")
     if mode == "none":
         transformer.disable_gradient_checkpointing()
         return
-    settings: dict[str, Any] = {"use_reentrant": False}  # the reentrant form loses gradients of a frozen base's adapters
+    settings: dict[str, Any] = {"use_reentrant": False}  # else a frozen base's adapters get no gradient
     if mode == "selective":
         settings["context_fn"] = partial(create_selective_checkpoint_contexts, _policy)
 
@@ -45,6 +47,5 @@ def set_mode(transformer: WanTransformer3DModel, mode: str) -> None:
 
 def _policy(context: Any, operator: Any, *args: Any, **kwargs: Any) -> CheckpointPolicy:
     """What becomes of the output of an operator."""
-    name = operator.name() if isinstance(operator, torch._ops.OpOverload) else ""
-    kept = name.partition(".")[0] in ATTENTION
+    kept = isinstance(operator, torch._ops.OpOverload) and str(operator._schema.name) in ATTENTION
     return CheckpointPolicy.MUST_SAVE if kept else CheckpointPolicy.PREFER_RECOMPUTE

@@ -1,21 +1,27 @@
 """torch.compile of the transformer's blocks: one block is compiled, and all run it."""
 
 from functools import cache
+from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
+
+from fracgen.model import FracTransformer
 
 
-def compile_blocks(transformer: WanTransformer3DModel, device: str = "cpu", backend: str = "inductor") -> None:
-    """Compile the blocks for the kind of `device` that will run them; the first step takes longer for it.
+def compile_blocks(transformer: FracTransformer, device: str | None = None, backend: str = "inductor") -> None:
+    """Compile the blocks; the first step takes longer for it.
 
-    `backend` is that of torch.compile. Raises ValueError if torch.compile does not work there, which is tried out.
+    `device` is what will run the transformer, if it is not there yet; `backend` is that of torch.compile. Raises
+    ValueError if torch.compile does not work there, which is tried out, or if weights of blocks wait elsewhere.
     """
-    reason = _fault(torch.device(device).type, backend)
+    if not all(parameter.numel() for parameter in transformer.blocks.parameters()):
+        raise ValueError("trainer.compile=true does not go with offloaded blocks: set trainer.offload_blocks=0.")
+    reason = _fault(torch.device(device or next(transformer.parameters()).device).type, backend)
     if reason:
         raise ValueError(f"trainer.compile=true: torch.compile does not work on this machine ({reason}): install a C++ "
                          "compiler (CPU) or triton (CUDA), or set trainer.compile=false.")  # fmt: skip
-    transformer.compile_repeated_blocks(fullgraph=True, backend=backend)
+    network: Any = transformer
+    network.compile_repeated_blocks(fullgraph=True, backend=backend)
 
 
 def is_compiled(transformer: torch.nn.Module) -> bool:

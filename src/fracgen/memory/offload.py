@@ -5,7 +5,8 @@ that forward pass again in the backward pass, and its graph holds them until the
 next block's weights travel while the present one computes. Results are exact: the same numbers, elsewhere.
 
 diffusers' own group offloading (0.42) is for inference: it moves trained weights too, with streams it brings back those
-of its start, so that an adapter never learns, and it empties tensors that the graph of a backward pass holds.
+of its start, so that an adapter never learns, and it takes the data of tensors that a graph holds. The side stream has
+not been run by the developers, who had no CUDA; the order of fetching has, on the CPU.
 """
 
 from typing import Any, NamedTuple
@@ -51,6 +52,7 @@ class Offload:
         self.waiting = [_take(block) for block in blocks]
         self.fetched: dict[int, list[Tensor]] = {}
         self.stream: Any = None
+        self.ahead = torch.cuda.is_available()
         self._hooks = []
         for index, block in enumerate(blocks):
             self._hooks.append(block.register_forward_pre_hook(lambda _, inputs, i=index: self._enter(i, inputs[0])))
@@ -73,18 +75,18 @@ class Offload:
         """Bring the weights of a block to the device of its input, and send for those of the next one."""
         if index not in self.fetched:
             self._fetch(index, tokens.device)
-        if self.stream is not None:
-            torch.cuda.current_stream().wait_stream(self.stream)
+        here: Any = torch.cuda.current_stream(tokens.device) if self.stream is not None else None
+        if here is not None:
+            here.wait_stream(self.stream)
         for weight, tensor in zip(self.waiting[index], self.fetched.pop(index), strict=True):
             # Another tensor, not other data of the same one: the graph of a backward pass may hold the last.
             weight.module._parameters[weight.name] = nn.Parameter(tensor, requires_grad=False)
-            if self.stream is not None:
-                tensor.record_stream(torch.cuda.current_stream())
-        if tokens.is_cuda:
-            backward = torch._C._current_graph_task_id() != -1
-            following = index - 1 if backward else index + 1
-            if 0 <= following < len(self.waiting) and following not in self.fetched:
-                self._fetch(following, tokens.device)
+            if here is not None:
+                tensor.record_stream(here)
+        backward = torch._C._current_graph_task_id() != -1
+        following = index - 1 if backward else index + 1
+        if self.ahead and 0 <= following < len(self.waiting) and following not in self.fetched:
+            self._fetch(following, tokens.device)
 
     def _leave(self, index: int) -> None:
         """Drop the weights of a block from the device; a graph that needs them holds them."""
@@ -93,9 +95,10 @@ class Offload:
 
     def _fetch(self, index: int, device: torch.device) -> None:
         """Copy the weights of a block to the device, on CUDA beside its computation."""
+        cuda: Any = torch.cuda
         if device.type == "cuda" and self.stream is None:
-            self.stream = torch.cuda.Stream(device)
-        with torch.cuda.stream(self.stream):  # None is no change
+            self.stream = cuda.Stream(device)
+        with cuda.stream(self.stream):  # None is no change
             self.fetched[index] = [w.host.to(device, non_blocking=True, copy=True) for w in self.waiting[index]]
 
 

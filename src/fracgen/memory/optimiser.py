@@ -24,7 +24,12 @@ def build(groups: Iterable[Mapping[str, Any]], cfg: Trainer) -> Optimizer:
     if cfg.optimizer == "adamw8bit":
         return _eight_bit(content, cfg.weight_decay)
     fused = devices <= set(FUSED) and all(torch.is_floating_point(p) for group in content for p in group["params"])
-    return AdamW(content, weight_decay=cfg.weight_decay, fused=fused)
+    out: Any = AdamW(content, weight_decay=cfg.weight_decay, fused=fused)
+    # The fused kernel could also undo the loss scaling of float16, which we do not offer. Lightning takes that for a
+    # reason to refuse the clipping of gradients.
+    out._step_supports_amp_scaling = False
+    result: Optimizer = out
+    return result
 
 
 def _eight_bit(groups: list[dict[str, Any]], weight_decay: float) -> Optimizer:
@@ -32,7 +37,7 @@ def _eight_bit(groups: list[dict[str, Any]], weight_decay: float) -> Optimizer:
     try:
         from bitsandbytes.optim import AdamW8bit
     except ImportError:
-        raise ValueError("trainer.optimizer=adamw8bit needs the package bitsandbytes: pip install 'fracsim[lowmem]', or "
-                         "set trainer.optimizer=adamw.") from None  # fmt: skip
+        raise ValueError("trainer.optimizer=adamw8bit needs the package bitsandbytes: pip install 'fracsim[lowmem]', "
+                         "or set trainer.optimizer=adamw.") from None  # fmt: skip
     out: Optimizer = AdamW8bit(groups, weight_decay=weight_decay)
     return out

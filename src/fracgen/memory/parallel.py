@@ -5,9 +5,12 @@ it. Compare a few losses with those of one GPU before trusting it.
 """
 
 import warnings
+from typing import Any
 
+import diffusers
 import torch
-from diffusers import ContextParallelConfig, WanTransformer3DModel
+
+from fracgen.model import FracTransformer
 
 
 def check(degree: int, heads: int, tokens: int | None = None) -> None:
@@ -21,18 +24,20 @@ def check(degree: int, heads: int, tokens: int | None = None) -> None:
                          "reference among them: change the size of the pictures, or the number of GPUs.")  # fmt: skip
 
 
-def enable_context_parallel(transformer: WanTransformer3DModel, degree: int, tokens: int | None = None) -> None:
+def enable_context_parallel(transformer: FracTransformer, degree: int, tokens: int | None = None) -> None:
     """Share every clip among `degree` GPUs; warns that this is untested. 1 changes nothing.
 
     Raises ValueError if there is no CUDA, torch.distributed has not been started, or `check` refuses.
     """
     if degree == 1:
         return
-    check(degree, transformer.config.num_attention_heads, tokens)
+    network: Any = transformer
+    check(degree, network.config.num_attention_heads, tokens)
     if not torch.cuda.is_available():
         raise ValueError(f"trainer.context_parallel={degree} needs CUDA devices, and this machine has none: set "
                          "trainer.context_parallel=1.")  # fmt: skip
     if not torch.distributed.is_initialized():
         raise ValueError(f"trainer.context_parallel={degree} needs {degree} processes: set trainer.devices={degree}.")
     warnings.warn("trainer.context_parallel is untested: compare a few losses with those of one GPU.", stacklevel=2)
-    transformer.enable_parallelism(config=ContextParallelConfig(ulysses_degree=degree))
+    config: Any = diffusers.ContextParallelConfig
+    network.enable_parallelism(config=config(ulysses_degree=degree))

@@ -4,8 +4,8 @@ Each row of a weight (an output channel) has its own scale in float32; the produ
 """
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
+from torch.nn.functional import linear as product
 
 INT8, FLOAT8 = "int8", "float8"
 LARGEST = {INT8: 127.0, FLOAT8: 448.0}
@@ -33,7 +33,7 @@ class QuantisedLinear(nn.Linear):
     def forward(self, x: Tensor) -> Tensor:
         """`x` [..., in] times the restored weight, and the bias, [..., out]."""
         bias = None if self.bias is None else self.bias.to(x.dtype)
-        return F.linear(x, restore(self.weight, self.scale).to(x.dtype), bias)
+        return product(x, restore(self.weight, self.scale).to(x.dtype), bias)
 
 
 def quantise(weight: Tensor, kind: str) -> tuple[Tensor, Tensor]:
@@ -65,8 +65,8 @@ def quantise_base(transformer: nn.Module, kind: str) -> int:
     found = [(parent, name, child) for parent in blocks.modules() for name, child in parent.named_children()
              if type(child) is nn.Linear and not child.weight.requires_grad]  # fmt: skip
     if not found:
-        raise ValueError(f"trainer.base_dtype={kind} needs frozen weights, but all are trained: set model.train=lora or "
-                         "trainer.base_dtype=bfloat16.")  # fmt: skip
+        raise ValueError(f"trainer.base_dtype={kind} needs frozen weights, but all are trained: set model.train=lora "
+                         "or trainer.base_dtype=bfloat16.")  # fmt: skip
     for parent, name, child in found:
         setattr(parent, name, QuantisedLinear(child, kind))
     return len(found)

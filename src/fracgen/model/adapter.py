@@ -1,9 +1,10 @@
 """What is trained of the transformer: low-rank adapters (LoRA, Hu et al. 2022) on a frozen base, or all of it."""
 
+import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
 from peft import LoraConfig
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
@@ -11,6 +12,7 @@ from torch.nn.utils import parametrize
 from fracgen.conditioning import SCALARS
 from fracgen.config.model import Lora, Model
 from fracgen.layout import CHANNELS
+from fracgen.model.transformer import FracTransformer
 
 ADAPTER = "default"
 """Name of the adapter that is trained."""
@@ -18,7 +20,7 @@ FIRST = 2 * CHANNELS
 """First of the scalar channels in the input of the network: they follow the noisy latent and the force latent."""
 
 
-def prepare(transformer: WanTransformer3DModel, cfg: Model) -> None:
+def prepare(transformer: FracTransformer, cfg: Model) -> None:
     """Freeze what is not trained and add what is; what is trained becomes float32, the rest keeps its type.
 
     `cfg.train` = lora: adapters that change nothing yet, the layer of the condition channels as
@@ -35,21 +37,29 @@ def prepare(transformer: WanTransformer3DModel, cfg: Model) -> None:
             torch.manual_seed(cfg.seed)
             add(transformer, cfg.lora)
         _patch_embed(transformer.patch_embedding, cfg.train_patch_embed)
-        if isinstance(getattr(transformer, "map_embed", None), nn.Parameter):
+        if transformer.map_embed is not None:
             transformer.map_embed.requires_grad_(True)
     for _, parameter in trained(transformer):
         parameter.data = parameter.data.float()
 
 
-def add(transformer: WanTransformer3DModel, lora: Lora, name: str = ADAPTER) -> None:
+def add(transformer: FracTransformer, lora: Lora, name: str = ADAPTER) -> None:
     """Add an adapter that changes nothing yet, and make it the active one; raises ValueError for an idle target."""
     linears = [n.removesuffix(".base_layer") for n, m in transformer.named_modules() if isinstance(m, nn.Linear)]
     for target in lora.targets:
         if not any(f".{linear}".endswith(f".{target}") for linear in linears):
             raise ValueError(f"model.lora.targets={lora.targets}: {target} names no linear layer of the transformer; "
                              "its layers end in to_q, to_k, to_v, to_out.0, ffn.net.0.proj, ffn.net.2.")  # fmt: skip
-    config = LoraConfig(r=lora.rank, lora_alpha=lora.alpha, target_modules=list(lora.targets))
-    transformer.add_adapter(config, adapter_name=name)
+    kind: Any = LoraConfig  # its alpha need not be whole
+    config = kind(r=lora.rank, lora_alpha=lora.alpha, target_modules=list(lora.targets))
+    inject(transformer, config, name)
+
+
+def inject(transformer: FracTransformer, config: LoraConfig, name: str) -> None:
+    """Add the layers of an adapter and make it the only active one, without peft's warning of a second adapter."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Already found a `peft_config`")
+        transformer.add_adapter(config, adapter_name=name)
 
 
 def trained(transformer: nn.Module) -> Iterator[tuple[str, nn.Parameter]]:

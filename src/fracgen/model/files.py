@@ -49,7 +49,7 @@ def weight_files(place: Path) -> list[Path]:
         raise ValueError(f"model.path: {place} holds {found}, but no weights: needed is {LAYOUTS}.")
     try:
         names = sorted(set(json.loads(index.read_text(encoding="utf-8"))["weight_map"].values()))
-    except (OSError, ValueError, KeyError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"model.path: {index} cannot be read ({error!r}): fetch it again.") from None
     missing = [name for name in names if not (place / name).exists()]
     if missing:

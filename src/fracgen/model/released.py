@@ -30,12 +30,12 @@ OUTSIDE = {
 
 
 def to_diffusers(name: str) -> str:
-    """The name in diffusers of a tensor of the released checkpoint; a name without a rule stays."""
+    """The name in diffusers of a tensor, or module, of the released checkpoint; a name without a rule stays."""
     return _rename(name, BLOCK, OUTSIDE)
 
 
 def to_released(name: str) -> str:
-    """The name in the released checkpoint of a tensor of diffusers; a name without a rule stays."""
+    """The name in the released checkpoint of a tensor, or module, of diffusers; a name without a rule stays."""
     return _rename(name, *({theirs: ours for ours, theirs in rules.items()} for rules in (BLOCK, OUTSIDE)))
 
 

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from diffusers import WanTransformer3DModel
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from fracgen.config.model import Lora, Model
 from fracgen.model import adapter
+from fracgen.model.base import base_identity, build
+from fracgen.model.transformer import FracTransformer
 
 VERSION = 1
 """Version of the format."""
@@ -37,11 +38,19 @@ def state(transformer: nn.Module) -> dict[str, Tensor]:
 
 def save(path: Path | str, tensors: Mapping[str, Tensor], about: Mapping[str, Any]) -> None:
     """Write a file at once: it is complete or not there. Adds the version to `about`."""
-    path = Path(path)
+    write(Path(path), tensors, {"about": json.dumps({**about, "version": VERSION})})
+
+
+def write(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+    """Write a safetensors file that is complete or not there, with the rights that any new file gets."""
     content = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        save_file(content, unfinished, {"about": json.dumps({**about, "version": VERSION})})
+        unfinished.touch()
+        rights = unfinished.stat().st_mode
+        save_file(content, unfinished, dict(metadata))  # for the owner alone
+        unfinished.chmod(rights)
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -141,14 +150,12 @@ def model_of(about: Mapping[str, Any]) -> Model:
 
 def assemble(
     path: Path | str, device: str = "cpu", dtype: torch.dtype = torch.float32, model: Model | None = None
-) -> WanTransformer3DModel:
+) -> FracTransformer:
     """The transformer of a run, ready to sample: base, adapters, trained tensors, in eval mode.
 
     `model` overrides what the run says about its base, as when the weights lie elsewhere. Raises ValueError if the
     run cannot be read, belongs to other base weights, or does not fit.
     """
-    from fracgen.model import base_identity, build
-
     tensors, about = read(path)
     cfg = model or model_of(about)
     check_base(about, base_identity(cfg), path)
