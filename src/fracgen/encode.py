@@ -33,8 +33,11 @@ def encode(cfg: EncodeConfig) -> None:
     from fracgen.data import encoding
     from fracgen.data.choose import told
 
-    here = "cuda" if torch.cuda.is_available() else "cpu"
-    device = torch.device(here if cfg.device == "auto" else cfg.device)
+    there = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    name = cfg.device if cfg.device != "auto" else "cuda" if there["cuda"] else "cpu"
+    if not there[name]:
+        raise ValueError(f"device={name} is not on this machine: set device=cpu.")
+    device = torch.device(name)
     found = encoding.encode(cfg, vae.load(cfg.vae, device), device)
     for line in filter(None, (*told(found.left_out), found.odd())):
         print(line, file=sys.stderr)

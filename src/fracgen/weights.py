@@ -80,9 +80,9 @@ def digest_files(paths: Iterable[Path], about: Any = None) -> str:
     for path in sorted(paths):
         size = path.stat().st_size
         out.update(repr((path.name, size)).encode())
-        starts = range(0, size, _BLOCK)
-        if len(starts) > _BLOCKS:
-            starts = range(0, size - _BLOCK, (size - _BLOCK) // (_BLOCKS - 1))
+        starts = list(range(0, size, _BLOCK))
+        if len(starts) > _BLOCKS:  # spread from the first to the last byte
+            starts = [k * (size - _BLOCK) // (_BLOCKS - 1) for k in range(_BLOCKS)]
         with path.open("rb") as file:
             for start in starts:
                 file.seek(start)

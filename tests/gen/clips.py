@@ -37,8 +37,9 @@ def random_clips(folder: Path, objects: Sequence[str] = ("duck", "bear", "croiss
     """Write clips of random pictures, 32 x 48 pixels, one a combination of object and speed; no simulation."""
     assert frames <= tiny.FRAMES
     capture = Capture(frames=tiny.FRAMES, tracks=3, report=False, strip=False, maps=list(maps), fps=fps)
+    output = Output(folder=str(folder), overwrite=True)
     for seed, (name, speed) in enumerate((name, speed) for speed in speeds for name in objects):
-        scene = Scene(capture=capture, output=Output(folder=str(folder)), camera=Camera(width=size[0], height=size[1]),
+        scene = Scene(capture=capture, output=output, camera=Camera(width=size[0], height=size[1]),
                       asset=replace(Asset(), name=name), loading=replace(Loading(), speed=speed))  # fmt: skip
         tiny.record(scene, seed, broken=None)
     return folder

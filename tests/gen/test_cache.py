@@ -233,6 +233,7 @@ def test_a_kill_before_the_index_is_replaced_leaves_the_old_cache(
         add(into, 4)
         with pytest.raises(OSError, match="killed"):
             into.flush()
+    into._lock.close()
     assert len(fracgen.data.open(folder)) == 4
     with CacheWriter(folder, ABOUT) as into:  # its file takes the place of the one that no index lists
         add(into, 5)
@@ -259,7 +260,16 @@ def test_a_full_disk_is_named_and_leaves_no_half_file(folder: Path, monkeypatch:
     with pytest.raises(OSError, match=r"-0000\d\.safetensors cannot be written .*No space left"):
         into.flush()
     assert files(folder) == before
-    assert not list(folder.glob(".*"))
+    assert [path.name for path in folder.glob(".*")] == [index.LOCK]
+
+
+def test_two_processes_do_not_write_at_once(folder: Path) -> None:
+    with CacheWriter(folder, ABOUT):
+        with pytest.raises(ValueError, match="is being written by another process: wait until it has ended"):
+            CacheWriter(folder, ABOUT)
+        assert len(fracgen.data.open(folder)) == 4
+    with CacheWriter(folder, ABOUT):
+        pass
 
 
 def test_clips_are_chosen_by_split_and_object(tmp_path: Path) -> None:

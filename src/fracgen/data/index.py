@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from fracgen.layout import MAPS
 from fracsim.sample.identity import digest
 
-ABOUT, INDEX = "cache.json", "index.parquet"
+ABOUT, INDEX, LOCK = "cache.json", "index.parquet", ".lock"
 VERSION = 1
 """Version of this layout."""
 FIELDS = ("vae", "vae_dtype", "width", "height", "frames", "frame_select", "fps", "streams", "text", "text_dim",
@@ -121,6 +121,25 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(new, path)
     finally:
         new.unlink(missing_ok=True)
+
+
+def lock(folder: Path) -> IO[str]:
+    """An open file that keeps other processes from writing; the system lets go of it when this process ends.
+
+    Raises ValueError when another process writes to the cache.
+    """
+    file = (folder / LOCK).open("w")
+    try:
+        import fcntl  # Windows has none: there two processes are the user's to keep apart
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except ImportError:
+        pass
+    except OSError:
+        file.close()
+        raise ValueError(f"output.folder={folder} is being written by another process: wait until it has ended, or "
+                         "choose another output.folder.") from None  # fmt: skip
+    return file
 
 
 def lacking(index: Index, folder: Path, hashes: bool = False) -> dict[str, str]:

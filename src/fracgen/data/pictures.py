@@ -59,9 +59,22 @@ def video(clip: Clip, stream: str, cfg: EncodeConfig) -> Video:
         return Video(stream, values, None)
     fixed = maps.load(stream).SCALE
     scale = codec.scale(values, cfg.percentile) if fixed is None else float(fixed)
-    shown = 3 if values.shape[-1] > 1 else 1  # of the three equal channels of a grey picture one is kept
-    parts = [codec.encode(part, scale)[..., :shown] for part in np.array_split(values, -(-len(values) // PART))]
-    return Video(stream, np.concatenate(parts), scale)
+    return Video(stream, shown(values, scale), scale)
+
+
+def shown(values: Array, scale: float) -> Array:
+    """A map [F, h, w, C] as `codec.encode` shows it: one of its three equal channels for a scalar, else all three.
+
+    Shape [F, h, w, 1 or 3]. Zero is black, so that of vectors only the foreground is coloured, which is slow.
+    """
+    parts = np.array_split(values, -(-len(values) // PART))
+    if values.shape[-1] == 1:
+        return np.concatenate([codec.encode(part, scale)[..., :1] for part in parts])
+    out = np.zeros((*values.shape[:-1], 3), np.float32)
+    for part, there in zip(np.array_split(out, len(parts)), parts, strict=True):
+        object_ = there.any(axis=-1)
+        part[object_] = codec.encode(there[object_], scale)
+    return out
 
 
 def shrink(frames: Array, factor: int) -> Array:

@@ -23,13 +23,14 @@ MB = 2**20
 class CacheWriter:
     """Adds clips to the cache in a folder, which it begins if there is none; a context that writes what is collected.
 
-    Raises ValueError when the cache there was made otherwise, naming the field.
+    Raises ValueError when the cache there was made otherwise, naming the field, or is being written by another process.
     """
 
     def __init__(self, folder: Path | str, about: Mapping[str, Any], shard_mb: float = 512, minutes: float = 10):
         """`about` has index.FIELDS. A file is closed at `shard_mb` [MiB], or when it is `minutes` old."""
         self.folder = Path(folder).expanduser()
         self.index = index.begin(self.folder, about)
+        self._lock = index.lock(self.folder)
         self.dropped = self._drop_lost()
         """What was wrong with files whose clips are to be encoded again, by file."""
         self.bytes = 0
@@ -114,5 +115,8 @@ class CacheWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None or not issubclass(kind, OSError):  # Ctrl-C, too, keeps the clips that are done
-            self.flush()
+        try:
+            if kind is None or not issubclass(kind, OSError):  # Ctrl-C, too, keeps the clips that are done
+                self.flush()
+        finally:
+            self._lock.close()

@@ -1,5 +1,6 @@
 """UMT5 as the base was trained with it: masked, cut at the end of the caption; released or transformers layout."""
 
+import html
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -115,10 +116,16 @@ class Umt5:
     @torch.no_grad()
     def encode(self, captions: list[str]) -> list[Tensor]:
         """Embeddings [n, dim] float32 on the CPU of cleaned captions, each cut at its end (its end token included)."""
-        from fracgen.encoders.text import clean
-
         batch = self._tokenizer([clean(c) for c in captions], padding="longest", truncation=True,
                                 max_length=self._tokens, add_special_tokens=True, return_tensors="pt")  # fmt: skip
         ids, mask = (batch[key].to(self.network.device) for key in ("input_ids", "attention_mask"))
         out = self.network(input_ids=ids, attention_mask=mask).last_hidden_state.float().cpu()
         return [row[: int(n)].clone() for row, n in zip(out, mask.sum(dim=1), strict=True)]
+
+
+def clean(caption: str) -> str:
+    """A caption with entities of HTML resolved, and one blank between words, as the base's captions were cleaned.
+
+    The base also repairs wrongly decoded Unicode; the captions of fracsim are ASCII, which that leaves as it is.
+    """
+    return " ".join(html.unescape(html.unescape(caption)).split())

@@ -1,4 +1,4 @@
-"""The clips of a data set as videos that a VAE sees: colour, maps as `fracsim.codec` shows them, the loading's blobs."""
+"""The clips of a data set as a VAE sees them: colour, maps as `fracsim.codec` shows them, the loading's blobs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,9 +71,9 @@ def tensor(video: Array) -> Tensor:
 
 
 def crops(clips: Sequence[Videos], shape: tuple[int, int, int, int], *key: int) -> Tensor:
-    """Random crops [B, 3, F, S, S] in [0, 1], drawn by `key`; shape is (B, F, S, S). Clips and streams are equally likely.
+    """Random crops [B, 3, F, S, S] in [0, 1], drawn by `key`; `shape` is (B, F, S, S).
 
-    Raises ValueError for a clip that is smaller than a crop.
+    Clips are equally likely, and streams. Raises ValueError for a clip that is smaller than a crop.
     """
     count, *box = shape
     return torch.cat([tensor(_crop(clips, box, *key, k)) for k in range(count)])
@@ -86,8 +86,9 @@ def _crop(clips: Sequence[Videos], box: Sequence[int], *key: int) -> Array:
     video = clip.streams[names[int(draws.uniform(*key, "stream") * len(names))]]
     if any(side > whole for side, whole in zip(box, video.shape, strict=False)):
         frames, height, width = video.shape[:3]
+        way_out = f"frames={min(box[0], frames)} size={min(box[1], width, height)}"
         raise ValueError(f"frames={box[0]} size={box[1]} are larger than clip {clip.id}, which has {frames} frames of "
-                         f"{width} x {height} px: set frames={min(box[0], frames)} size={min(box[1], width, height)}.")  # fmt: skip
+                         f"{width} x {height} px: set {way_out}.")  # fmt: skip
     starts = [int(draws.uniform(*key, axis) * (whole - side + 1))
               for axis, side, whole in zip("tyx", box, video.shape, strict=False)]  # fmt: skip
     return video[tuple(slice(start, start + side) for start, side in zip(starts, box, strict=True))]

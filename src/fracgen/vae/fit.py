@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from fracgen import draws
-from fracgen.config.train_vae import TrainVae
+from fracgen.config.train_vae import TrainVaeConfig
 from fracgen.vae import clips
 from fracsim.dataset import progress
 
@@ -22,39 +22,51 @@ BETAS = (0.9, 0.99)
 """Decay of Adam's averages: a short training forgets early gradients soon."""
 
 
-def train(cfg: TrainVae, network: Any, videos: Sequence[clips.Videos]) -> Any:
+def train(cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos]) -> Any:
     """The trained `network`, from the checkpoint in the output folder on if there is one.
 
     Raises ValueError for a checkpoint of another configuration.
     """
-    network.train().requires_grad_(True)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=cfg.lr, betas=BETAS, weight_decay=0.0)
+    made = optimiser(cfg, network)
     file = Path(cfg.output.folder).expanduser() / CHECKPOINT
-    first = _resume(file, cfg, network, optimiser)
+    first = _resume(file, cfg, network, made)
+    for step in steps(cfg, network, videos, made, range(first, cfg.steps)):
+        if (step + 1) % cfg.save_steps == 0 or step + 1 == cfg.steps:
+            _save(file, cfg, network, made, step + 1)
+    return network.eval()
+
+
+def optimiser(cfg: TrainVaeConfig, network: nn.Module) -> torch.optim.Optimizer:
+    """AdamW without decay over all weights of `network`."""
+    return torch.optim.AdamW(network.train().requires_grad_(True).parameters(), lr=cfg.lr, betas=BETAS, weight_decay=0)
+
+
+def steps(
+    cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos], made: torch.optim.Optimizer, numbers: range
+) -> Iterator[int]:
+    """Take the optimiser steps `numbers`, giving the number of each when it is done; raises ValueError at infinity."""
     shape = (cfg.batch, cfg.frames, cfg.size, cfg.size)
-    for step in progress.shown(range(first, cfg.steps), cfg.steps - first, f"train from step {first}"):
-        optimiser.param_groups[0]["lr"] = cfg.lr * schedule(step, cfg)
+    for step in progress.shown(numbers, len(numbers), "train"):
+        made.param_groups[0]["lr"] = cfg.lr * schedule(step, cfg)
         value = loss(network, clips.crops(videos, shape, cfg.seed, step), cfg, step)
-        optimiser.zero_grad(set_to_none=True)
+        made.zero_grad(set_to_none=True)
         value.backward()  # type: ignore[no-untyped-call]
         norm = nn.utils.clip_grad_norm_(network.parameters(), CLIP)
         if not bool(norm.isfinite()):
             raise ValueError(f"the gradient is not finite at step {step}: lower lr={cfg.lr:g}, or raise warmup="
                              f"{cfg.warmup}, and set output.overwrite=true.")  # fmt: skip
-        optimiser.step()
-        if (step + 1) % cfg.save_steps == 0 or step + 1 == cfg.steps:
-            _save(file, cfg, network, optimiser, step + 1)
-    return network.eval()
+        made.step()
+        yield step
 
 
-def schedule(step: int, cfg: TrainVae) -> float:
+def schedule(step: int, cfg: TrainVaeConfig) -> float:
     """Learning rate of a step as a part of the largest: linear warm-up, then a cosine to 0."""
     if step < cfg.warmup:
         return (step + 1) / cfg.warmup
     return 0.5 + 0.5 * math.cos(math.pi * (step - cfg.warmup) / max(1, cfg.steps - cfg.warmup))
 
 
-def loss(network: Any, crops: Tensor, cfg: TrainVae, step: int) -> Tensor:
+def loss(network: Any, crops: Tensor, cfg: TrainVaeConfig, step: int) -> Tensor:
     """The loss of crops [B, 3, F, S, S] in [0, 1]: mean absolute error of pixels and of edges, and the divergence."""
     pixels = (2 * crops - 1).to(network.device)
     posterior = network.encode(pixels).latent_dist
@@ -78,20 +90,20 @@ def decode(network: Any, latent: Tensor) -> Tensor:
     return torch.cat(parts, dim=2)
 
 
-def _about(cfg: TrainVae) -> dict[str, Any]:
+def _about(cfg: TrainVaeConfig) -> dict[str, Any]:
     """What shapes the weights."""
     left_out = ("output", "save_steps", "device", "data")
     return {name: value for name, value in asdict(cfg).items() if name not in left_out}
 
 
-def _save(file: Path, cfg: TrainVae, network: nn.Module, optimiser: torch.optim.Optimizer, step: int) -> None:
+def _save(file: Path, cfg: TrainVaeConfig, network: nn.Module, optimiser: torch.optim.Optimizer, step: int) -> None:
     part = file.with_suffix(".partial")
     state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "step": step, "about": _about(cfg)}
     torch.save(state, part)
     os.replace(part, file)
 
 
-def _resume(file: Path, cfg: TrainVae, network: nn.Module, optimiser: torch.optim.Optimizer) -> int:
+def _resume(file: Path, cfg: TrainVaeConfig, network: nn.Module, optimiser: torch.optim.Optimizer) -> int:
     """Load a checkpoint, if there is one, and give its step; raises ValueError for one of another configuration."""
     if not file.is_file() or cfg.output.overwrite:
         return 0
@@ -99,8 +111,18 @@ def _resume(file: Path, cfg: TrainVae, network: nn.Module, optimiser: torch.opti
     other = [f"{name}={state['about'].get(name)}" for name, value in _about(cfg).items()
              if state["about"].get(name) != value]  # fmt: skip
     if other:
-        raise ValueError(f"output.folder={cfg.output.folder} holds the beginning of a training with {', '.join(other)}: "
-                         "repeat it with these, set output.overwrite=true, or choose another folder.")  # fmt: skip
+        raise ValueError(f"output.folder={cfg.output.folder} holds the beginning of a training with {', '.join(other)}"
+                         ": repeat it with these, set output.overwrite=true, or choose another folder.")  # fmt: skip
     network.load_state_dict(state["network"])
     optimiser.load_state_dict(state["optimiser"])
     return int(state["step"])
+
+
+def device(name: str) -> torch.device:
+    """The device called `name`; raises ValueError when it is not there."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    there = {"cpu": True, "cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if not there[name]:
+        raise ValueError(f"device={name} is not there: set device=cpu.")
+    return torch.device(name)

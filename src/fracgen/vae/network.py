@@ -21,6 +21,12 @@ SIZES = {"base_dim": "base_dim", "dim_mult": "dim_mult", "res_blocks": "num_res_
 STATISTICS = ("latents_mean", "latents_std")
 """Mean and standard deviation of the 16 channels of a latent, in diffusers' config."""
 
+LOG_VARIANCE = -6.0
+"""Of the posterior of random weights: its noise, exp(-3), does not drown a latent of deviation 1."""
+
+NEIGHBOURS = 0.3
+"""Gain of a convolution's random part over the frames and pixels that it sees."""
+
 
 def build(cfg: Vae) -> Any:
     """An AutoencoderKLWan in evaluation mode, float32, on the CPU.
@@ -31,8 +37,10 @@ def build(cfg: Vae) -> Any:
     if not cfg.path:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(cfg.seed)
-            # Nothing is known of random latents: mean 0 and deviation 1 leave them as they are.
-            return _network(cfg, {"latents_mean": [0.0] * CHANNELS, "latents_std": [1.0] * CHANNELS}).eval()
+            # Latents of such a network have a deviation near 1, which need not be changed.
+            network = _network(cfg, {"latents_mean": [0.0] * CHANNELS, "latents_std": [1.0] * CHANNELS})
+            initialise(network)
+        return network.eval()
     file, config = find(cfg)
     _check(cfg, config, file.parent)
     with torch.device("meta"):
@@ -46,6 +54,44 @@ def _network(cfg: Vae, statistics: Mapping[str, list[float]]) -> Any:
     return AutoencoderKLWan(  # type: ignore[no-untyped-call]
         z_dim=CHANNELS, temperal_downsample=[False, True, True], **sizes, **statistics
     )
+
+
+@torch.no_grad()
+def initialise(network: nn.Module) -> None:
+    """Random weights that let the input through: at first, every convolution rotates the channels of its own pixel.
+
+    With usual weights a signal passes 14 random matrices in a row, which leave little of it but one direction; a
+    training of minutes does not repair that. What a convolution adds from neighbouring pixels starts small, what a
+    residual block adds starts at 0.
+    """
+    convolutions: dict[str, Any] = {
+        name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
+    }
+    for name, conv in convolutions.items():
+        if name.endswith((".conv2", ".proj")):  # the last layer of a residual or an attention block
+            nn.init.zeros_(conv.weight)
+        else:
+            _rotate(conv)
+        nn.init.zeros_(conv.bias)
+    for name in ("encoder.conv_in", "decoder.conv_in"):
+        # The norms behind keep directions only: a constant part turns magnitudes into directions.
+        bias = convolutions[name].bias
+        nn.init.normal_(bias, std=len(bias) ** -0.5)
+    for name in ("quant_conv", "post_quant_conv"):
+        nn.init.dirac_(convolutions[name].weight)
+    convolutions["quant_conv"].bias[CHANNELS:] = LOG_VARIANCE
+
+
+def _rotate(conv: Any) -> None:
+    """Make a convolution a rotation of the channels at the present frame and pixel, plus little from the neighbours."""
+    out, channels = conv.weight.shape[:2]
+    nn.init.orthogonal_(conv.weight, gain=NEIGHBOURS)
+    twice = conv.kernel_size == (3, 1, 1) and out == 2 * channels  # makes two frames of one, equal at first
+    core = nn.init.orthogonal_(torch.empty(out // 2 if twice else out, channels))
+    core = torch.cat([core, core]) if twice else core
+    rows, columns = (k // 2 for k in conv.kernel_size[-2:])
+    taps = conv.weight[:, :, -1] if conv.weight.ndim == 5 else conv.weight  # the present frame is the last one
+    taps[:, :, rows, columns] += core
 
 
 def find(cfg: Vae) -> tuple[Path, dict[str, Any]]:

@@ -1,6 +1,5 @@
 """The caption as vectors: by UMT5, as the base was trained, or by a fixed random vector a word."""
 
-import html
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -44,11 +43,3 @@ def pad(embeddings: Sequence[Tensor]) -> Tensor:
     for row, embedding in zip(out, embeddings, strict=True):
         row[: len(embedding)] = embedding
     return out
-
-
-def clean(caption: str) -> str:
-    """A caption with entities of HTML resolved, and one blank between words, as the base's captions were cleaned.
-
-    The base also repairs wrongly decoded Unicode; the captions of fracsim are ASCII, which that leaves as it is.
-    """
-    return " ".join(html.unescape(html.unescape(caption)).split())
