@@ -1,4 +1,4 @@
-"""When checkpoints are written: by steps, by minutes, after each epoch, and when the run is told to stop."""
+"""When checkpoints are written: by steps, by minutes, after an epoch, at the end, and when the run is told to stop."""
 
 import signal
 import sys
@@ -13,6 +13,10 @@ from lightning import Callback, LightningModule, Trainer
 from fracgen.training import checkpoint
 from fracgen.training.module import Module
 from fracsim.entry import Interrupt
+
+
+EPOCH = 60.0
+"""Least age of a checkpoint that the end of an epoch replaces [s]: epochs of a few clips last less."""
 
 
 class Stopped(Exception):  # noqa: N818
@@ -59,10 +63,11 @@ class Saver(Callback):
         stepped = len(pl_module.window) == trainer.accumulate_grad_batches
         if not stepped and trainer.world_size > 1:
             return  # all processes decide together, once a step
-        stop, late = _any(trainer, self.signal.seen, time.monotonic() - self._saved >= self.seconds)
-        step = trainer.global_step
-        regular = stepped and (step % self.steps == 0 or step % self.steps_per_epoch == 0 or step == trainer.max_steps)
-        if stop or regular or (stepped and late):
+        step, age = trainer.global_step, time.monotonic() - self._saved
+        wanted = self.seconds if step % self.steps_per_epoch else min(self.seconds, EPOCH)
+        stop, late = _any(trainer, self.signal.seen, age >= wanted)
+        regular = step % self.steps == 0 or step == trainer.max_steps
+        if stop or (stepped and (regular or late)):
             self.save(trainer)
         if stop:
             raise Stopped
