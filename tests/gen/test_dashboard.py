@@ -79,7 +79,9 @@ def names(tmp_path_factory):
 
 def _levels(names):
     """Names without the bin of noise levels that they may end in: a short run draws few of the bins."""
-    return {name.rpartition("/")[0] if name[-1].isdigit() and "-" in name.rpartition("/")[2] else name for name in names}
+    return {
+        name.rpartition("/")[0] if name[-1].isdigit() and "-" in name.rpartition("/")[2] else name for name in names
+    }
 
 
 def test_every_name_of_training_is_one_that_training_logs(names):
