@@ -1,4 +1,4 @@
-"""What a plan says: tokens, operations, memory and hours, against PyTorch's counters, measured peaks and known tables."""
+"""What a plan says: tokens, operations, memory, hours; against PyTorch's counters, measured peaks, known tables."""
 
 import subprocess
 import sys

@@ -1,7 +1,8 @@
 """Floating-point operations of a training step, in closed form: a matrix product m x k times k x n takes 2 m k n.
 
-Counted are matrix products, convolutions and attention, as `torch.utils.flop_counter` counts them. Left out are normalisations, rotary embeddings, activation functions, the loss and the optimiser, which read
-memory more than they compute, and the constitutive maps f and g (32 numbers each).
+Counted are matrix products, convolutions and attention, as `torch.utils.flop_counter` counts them. Left out are
+normalisations, rotary embeddings, activation functions, the loss and the optimiser, which read memory more than they
+compute, and the constitutive maps f and g (272 numbers each).
 """
 
 from collections.abc import Iterator
