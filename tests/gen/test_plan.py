@@ -167,7 +167,7 @@ def test_every_further_block_keeps_what_the_second_one_keeps():
     (256, 256, 1, 0.5), (512, 512, 1, 2.1), (512, 512, 5, 10.4), (832, 480, 5, 15.8),
 ])  # fmt: skip
 def test_checkpoints_of_the_full_model_are_those_of_the_estimate_by_hand(width, height, streams, kept):
-    # By hand: one input of each of 30 blocks in bfloat16, two digits. The plan adds conditions, angles and the velocity.
+    # By hand: an input of each of 30 blocks in bfloat16, two digits. The plan adds conditions, angles and the velocity.
     found = trace.activations(
         _config(FULL, precision="bf16-mixed"), STREAMS[:streams], Size(width, height, 81, streams)
     )
@@ -218,30 +218,37 @@ def test_a_training_that_fits_passes_and_one_that_does_not_is_told_the_way_out()
     needed = planner.check(replace(cfg, stage=2), _about(64), 16 * GIB)[0].memory
     with pytest.raises(
         ValueError,
-        match=r"stage=2 needs .* trainer\.batch=2.* GiB: the cheapest change that makes it fit is trainer\.batch=1,",
+        match=r"stage=2 needs .*trainer\.batch=2.* GiB: the cheapest change that makes it fit is trainer\.batch=1,",
     ):
         planner.check(replace(cfg, stage=2), _about(64), needed.total - needed.kept // 4)
 
 
+CARD = replace(devices.SHEETS["4090"], reserve=0)
+
+
+def _way(cfg, clips, memory):
+    return remedies.cheapest(cfg, STREAMS, clips, replace(CARD, memory=int(memory)))
+
+
 def test_remedies_come_in_the_order_of_their_cost():
     cfg, clips = _config(MID, "none", "bf16-mixed", batch=1), Clips(96, 96, 17)
+    configs = {mode: replace(cfg, trainer=replace(cfg.trainer, checkpointing=mode)) for mode in MODES}
+    totals = {mode: budget.memory(c, STREAMS, clips.size(5), CARD).total for mode, c in configs.items()}
+    assert _way(cfg, clips, totals["selective"]).changes == ("trainer.checkpointing=selective",)
+    assert _way(cfg, clips, totals["full"]).changes == ("trainer.checkpointing=full",)
+    more = _way(cfg, clips, totals["full"] - 1)
+    assert more.changes == ("trainer.checkpointing=full", "trainer.optimizer=adamw8bit")
+    assert more.total < totals["full"]
+    assert _way(cfg, clips, 1000) is None
 
-    def way(memory):
-        return remedies.cheapest(cfg, STREAMS, clips, replace(devices.SHEETS["4090"], memory=int(memory), reserve=0))
 
-    modes = {
-        m: budget.memory(_config(MID, m, "bf16-mixed"), STREAMS, clips.size(5), devices.SHEETS["4090"]) for m in MODES
-    }
-    totals = {m: found.total - found.reserve for m, found in modes.items()}
-    assert way(totals["selective"]).changes == ("trainer.checkpointing=selective",)
-    assert way(totals["full"]).changes == ("trainer.checkpointing=full",)
-    base = way(totals["full"] - 1).changes
-    assert base[0] == "trainer.checkpointing=selective" or base == ("trainer.checkpointing=full",)
-    assert len(base) > 1, "recomputing alone is not enough"
-    small = way(totals["full"] / 2)
-    assert small.changes[-2].startswith("width=")
-    assert small.total <= totals["full"] / 2
-    assert way(1000) is None
+def test_a_smaller_picture_is_the_last_remedy():
+    least = {"base_dtype": "int8", "optimizer": "adamw8bit", "offload_blocks": MID.layers}
+    cfg, clips = _config(MID, "full", "bf16-mixed", **least), Clips(96, 48, 17)
+    needed = budget.memory(cfg, STREAMS, clips.size(5), CARD)
+    way = _way(cfg, clips, needed.total - needed.kept // 3)
+    assert way.changes == ("width=80", "height=48")
+    assert way.total <= needed.total - needed.kept // 3
 
 
 def test_the_full_model_fits_where_it_should():
