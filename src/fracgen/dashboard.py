@@ -8,6 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,7 +50,10 @@ def sweep() -> list[Part]:
             Panel("all phases", tuple(f"seconds/{name}" for name in phases)),
         )),
         Part("clips", tuple(Panel(name.replace("_", " "), (f"clip/{name}",)) for name in facts)),
-        Part("pictures", (Panel("at the break", ("clip/thumbnail",), MEDIA), Panel("previews", ("clip/preview",), MEDIA))),
+        Part("pictures", (
+            Panel("at the break", ("clip/thumbnail",), MEDIA),
+            Panel("previews", ("clip/preview",), MEDIA),
+        )),
         Part("table", (Panel("clips", ("clips",), TABLE),)),
     ]  # fmt: skip
 
@@ -95,7 +99,9 @@ def train(videos: Sequence[str] = ()) -> list[Part]:
             Panel("share of waiting for data", ("speed/data_wait",)),
             Panel("peak memory, GB", ("memory/peak_gb",)),
         )),
-        Part("pictures", (Panel("jump of the luminance after frame 0", ("video/luminance_jump", "video/luminance_jump_true")),)),
+        Part("pictures", (
+            Panel("luminance of frame 1 less that of frame 0", ("video/luminance_jump", "video/luminance_jump_true")),
+        )),
     ]  # fmt: skip
 
 
@@ -107,7 +113,7 @@ def keys(parts: Sequence[Part]) -> list[str]:
 def workspace(parts: Sequence[Part], name: str, axis: str, entity: str, project: str) -> Any:
     """The workspace of wandb; raises ValueError when its package is missing."""
     try:
-        import wandb_workspaces.workspaces as ws
+        ws: Any = import_module("wandb_workspaces.workspaces")
     except ImportError:
         raise ValueError(
             "fracgen.dashboard needs the package wandb-workspaces: pip install 'fracsim[watch]'."
@@ -121,8 +127,7 @@ def workspace(parts: Sequence[Part], name: str, axis: str, entity: str, project:
 
 
 def _panel(panel: Panel, axis: str) -> Any:
-    import wandb_workspaces.reports.v2 as wr
-
+    wr: Any = import_module("wandb_workspaces.reports.v2")
     if panel.kind == MEDIA:
         return wr.MediaBrowser(title=panel.title, media_keys=list(panel.keys))
     if panel.kind == TABLE:

@@ -13,8 +13,10 @@ from fracgen.training.module import Module
 
 MODELS = {
     "tiny": Model(layers=4, heads=4, head_dim=32, ffn_dim=512, text_dim=64, image_dim=0, train="full"),
-    "mid": Model(layers=6, heads=6, head_dim=64, ffn_dim=2048, text_dim=128, image_dim=96, train="lora", lora=Lora(rank=16, alpha=16)),
-}  # fmt: skip
+    "mid": Model(
+        layers=6, heads=6, head_dim=64, ffn_dim=2048, text_dim=128, image_dim=96, lora=Lora(rank=16, alpha=16)
+    ),
+}
 """All weights trained, and adapters on a frozen base."""
 SIZES = {"tiny": Size(64, 64, 17, 5), "mid": Size(96, 96, 17, 5)}
 """480 and 1080 tokens."""

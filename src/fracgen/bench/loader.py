@@ -40,8 +40,11 @@ def rows(quick: bool = False) -> Iterator[Row]:
     name, size = ("tiny", Size(32, 32, 5, 5)) if quick else ("mid", cases.SIZES["mid"])
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        latents = synthetic.write(root / "latents", 2 * CLIPS, frames=size.frames, size=size.width,
-                                  text_dim=cases.MODELS[name].text_dim, image_dim=cases.MODELS[name].image_dim)  # fmt: skip
+        model = cases.MODELS[name]
+        latents = synthetic.write(
+            root / "latents", 2 * CLIPS, frames=size.frames, size=size.width, text_dim=model.text_dim,
+            image_dim=model.image_dim,
+        )  # fmt: skip
         yield from reading(latents, size, 1 if quick else 5)
         yield from trainers(root, latents, name, size, quick)
 
@@ -79,8 +82,11 @@ def config(latents: Path, name: str, steps: int) -> TrainConfig:
     """A training of `steps` optimiser steps on all streams, without validation."""
     base = cases.config(cases.MODELS[name])
     trainer = replace(base.trainer, val_steps=0, log_steps=steps // 2, save_steps=10 * steps)
-    return replace(base, stage=1, trainer=trainer, data=Data(folder=str(latents), workers=1), logger=Logger(videos=0),
-                   stages=Stages(stage1=Recipe(streams=list(STREAMS), constitutive=True, steps=steps, warmup=2)))  # fmt: skip
+    recipe = Recipe(streams=list(STREAMS), constitutive=True, steps=steps, warmup=2)
+    return replace(
+        base, stage=1, trainer=trainer, data=Data(folder=str(latents), workers=1), logger=Logger(videos=0),
+        stages=Stages(stage1=recipe),
+    )  # fmt: skip
 
 
 def by_trainer(cfg: TrainConfig) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from fracgen.memory.budget import memory
 from fracgen.memory.devices import of_bytes
 from fracgen.memory.live import LiveBytes
 from fracgen.memory.size import Size
+from fracgen.training.module import Module
 
 MB = 1e6
 NEAR = 5.0
@@ -50,7 +51,7 @@ def measured(cfg: TrainConfig, size: Size) -> int:
         module, optimiser = _started(cfg, size, "cpu")
         live.peak = live.now
         _step(module, optimiser, size)
-    return live.peak
+    return int(live.peak)
 
 
 def on_cuda(cfg: TrainConfig, size: Size) -> int:
@@ -58,10 +59,10 @@ def on_cuda(cfg: TrainConfig, size: Size) -> int:
     module, optimiser = _started(cfg, size, "cuda")
     torch.cuda.reset_peak_memory_stats()
     _step(module, optimiser, size)
-    return torch.cuda.max_memory_allocated()
+    return int(torch.cuda.max_memory_allocated())
 
 
-def _started(cfg: TrainConfig, size: Size, device: str) -> tuple[cases.Module, torch.optim.Optimizer]:
+def _started(cfg: TrainConfig, size: Size, device: str) -> tuple[Module, torch.optim.Optimizer]:
     """A module and an optimiser that has its states."""
     module = cases.module(cfg, size, device)
     optimiser = module.configure_optimizers()
@@ -69,7 +70,7 @@ def _started(cfg: TrainConfig, size: Size, device: str) -> tuple[cases.Module, t
     return module, optimiser
 
 
-def _step(module: cases.Module, optimiser: torch.optim.Optimizer, size: Size) -> None:
+def _step(module: Module, optimiser: torch.optim.Optimizer, size: Size) -> None:
     """An optimiser step of two batches; the second one meets the gradients of the first."""
     device = next(module.parameters()).device.type
     optimiser.zero_grad(set_to_none=True)

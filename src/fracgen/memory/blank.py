@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import torch
 from torch import nn
@@ -34,23 +35,23 @@ def blank(cfg: TrainConfig, streams: Sequence[str], layers: int) -> FracTransfor
 
     Raises ValueError as these steps do.
     """
-    network = adapted(cfg, streams, layers)
+    network: Any = adapted(cfg, streams, layers)
     if cfg.trainer.base_dtype in quantise.DTYPES:
         quantise.quantise_base(network, cfg.trainer.base_dtype)
     checkpointing.set_mode(network, cfg.trainer.checkpointing)
-    return network
+    return cast(FracTransformer, network)
 
 
 def adapted(cfg: TrainConfig, streams: Sequence[str], layers: int) -> FracTransformer:
     """The transformer on the meta device, with its adapters, before its base becomes one of 8 bits."""
     small = replace(cfg.model, layers=layers)
-    network = model.empty(small, streams)
+    network: Any = model.empty(small, streams)
     dtype = torch.float32 if cfg.trainer.base_dtype == "float32" else torch.bfloat16
     for name, parameter in network.named_parameters():
         if not keeps_float32(network, name):
             parameter.data = parameter.data.to(dtype)
     adapter.prepare(network, small)
-    return network
+    return cast(FracTransformer, network)
 
 
 def weights(cfg: TrainConfig, streams: Sequence[str]) -> Weights:

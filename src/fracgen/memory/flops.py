@@ -1,8 +1,8 @@
 """Floating-point operations of a training step, in closed form: a matrix product m x k times k x n takes 2 m k n.
 
-Counted are matrix products, convolutions and attention: all that `torch.utils.flop_counter` counts, and equal to what it
-counts. Left out are normalisations, rotary embeddings, activation functions, the loss and the optimiser, which read
-memory more than they compute, and the constitutive maps f and g (32 numbers each).
+Counted are matrix products, convolutions and attention, as `torch.utils.flop_counter` counts them. Left out are
+normalisations, rotary embeddings, activation functions, the loss and the optimiser, which read memory more than they
+compute, and the constitutive maps f and g (272 numbers each).
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from fracgen.memory.size import IMAGE_TOKENS, TEXT_TOKENS, Size
 FREQUENCIES = 256
 """Channels of the sinusoidal embedding of the noise level."""
 ATTENTION_BACKWARD = 2.5
-"""Products of attention's backward pass over those of its forward pass: five, as scores are computed again, over two."""
+"""Products of attention's backward pass, five since scores are computed again, over the two of its forward pass."""
 
 
 class Product(NamedTuple):

@@ -66,7 +66,7 @@ def recipe(cfg: TrainConfig, stage: int) -> Recipe:
 
 
 def estimate(cfg: TrainConfig, stage: int, clips: Clips, device: Device) -> Estimate:
-    """What a stage takes; raises ValueError for sizes that the layout does not allow, and settings that none can have."""
+    """What a stage takes; raises ValueError for sizes that the layout does not allow, and for impossible settings."""
     r, trainer = recipe(cfg, stage), cfg.trainer
     streams = tuple(r.streams)
     size = clips.size(len(streams), trainer.batch)

@@ -87,8 +87,8 @@ def _optimiser(case: Case) -> Iterator[Case]:
 
 
 def _base(case: Case) -> Iterator[Case]:
-    """Frozen weights of fewer bits; there are none where all weights are trained."""
-    if case.cfg.model.train == "lora":
+    """Frozen weights of fewer bits, which go with mixed precision; none are frozen where all weights are trained."""
+    if case.cfg.model.train == "lora" and case.cfg.trainer.precision == "bf16-mixed":
         for dtype in {"float32": ("bfloat16", "int8"), "bfloat16": ("int8",)}.get(case.cfg.trainer.base_dtype, ()):
             yield case.trainer(base_dtype=dtype)
 

@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -59,7 +58,7 @@ def activations(cfg: TrainConfig, streams: Sequence[str], size: Size) -> Activat
 
 
 def trace(cfg: TrainConfig, streams: Sequence[str], size: Size, layers: int) -> tuple[Activations, int]:
-    """Run `layers` blocks forward and backward on fake tensors and count what is alive; also what the last one keeps."""
+    """Run `layers` blocks forward and backward on fake tensors, count what is alive, and what the last one keeps."""
     network = blank(cfg, streams, layers)
     behind: list[int] = []
     with _quiet(), FakeTensorMode():
