@@ -61,7 +61,7 @@ class Grips:
 
     def _way_out(self, x: Array) -> str:
         """Fields for which both grips hold some of the particles at x [m], (N, 3), as a sentence; empty if none do."""
-        held, ways = max(1, len(x) // 1000), []
+        held, ways = max(1, len(x) // 200), []
         for degrees in (0, 90, *(a for a in range(0, 180, 15) if a % 90)):
             s = x @ np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
             if _least(s, self.offset, self.thickness) >= held:

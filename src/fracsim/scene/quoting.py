@@ -26,7 +26,12 @@ def quote(value: str) -> str:
 def _path(override: str) -> str:
     """An override whose value is quoted if it is a path that needs it."""
     field, _, value = override.partition("=")
-    if field.rpartition(".")[2] not in PATHS or not value or value[0] in "'\"" or re.fullmatch(r"[\w./-]+", value, re.A):
+    if (
+        field.rpartition(".")[2] not in PATHS
+        or not value
+        or value[0] in "'\""
+        or re.fullmatch(r"[\w./-]+", value, re.A)
+    ):
         return override
     parts = value.split(",")
     if len(parts) > 1 and not _file(value) and all(_file(p) for p in parts):
