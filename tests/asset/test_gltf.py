@@ -84,8 +84,8 @@ def read(writer, tmp_path):
     return surface.joined(found, notes)
 
 
-def constant(value, n=len(BALL.vertices)):
-    return np.tile(np.asarray(value), (n, 1))
+def constant(value):
+    return np.tile(np.asarray(value), (len(BALL.vertices), 1))
 
 
 def textured(index, **more):
@@ -283,9 +283,7 @@ def test_normals_of_a_stretched_node(tmp_path):
     w.node(w.mesh(NORMAL=w.accessor(BALL.vertices.astype("f4"))), scale=radii.tolist())
     result = read(w, tmp_path)
     expected = result.corners / radii**2
-    smooth = (
-        np.abs((expected / np.linalg.norm(expected, axis=2, keepdims=True) - result.normals)).max(axis=(1, 2)) < 1e-3
-    )
+    smooth = np.abs(expected / np.linalg.norm(expected, axis=2, keepdims=True) - result.normals).max(axis=(1, 2)) < 1e-3
     assert smooth.mean() > 0.5  # the others are sharp at this stretch
 
 

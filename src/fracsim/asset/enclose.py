@@ -1,7 +1,7 @@
 """The body that a cloud of Gaussians encloses: opaque cells, small gaps closed, the outside flooded from a corner.
 
-Where a whole side is missing, as the unseen underside of a scan, the flood fills the object. Then rays decide: a cell is
-inside if nearly all directions but those of one open side meet the surface.
+Where a whole side is missing, as the unseen underside of a scan, the flood fills the object. Then rays decide: a
+cell is inside if nearly all directions but those of one open side meet the surface.
 """
 
 from dataclasses import dataclass
@@ -95,7 +95,8 @@ def _boxed(means: Array, axes: list[Array]) -> Array:
     half = (axes[0][1] - axes[0][0]) / 2
     lo, hi = means.min(axis=0) - half, means.max(axis=0) + half
     x, y, z = ((a >= low) & (a <= high) for a, low, high in zip(axes, lo, hi, strict=True))
-    return np.asarray(x[:, None, None] & y[:, None] & z)
+    out: Array = x[:, None, None] & y[:, None] & z
+    return out
 
 
 def _surrounded(thick: Array) -> Array:
@@ -115,7 +116,8 @@ def _met(thick: Array, way: Array) -> Array:
 
     By doubling: after k rounds it has looked 2^k cells far.
     """
-    met, step = thick.copy(), 1
+    met: Array = thick.copy()
+    step = 1
     while step < max(thick.shape):
         here = tuple(slice(None) if w == 0 else slice(None, -step) if w > 0 else slice(step, None) for w in way)
         there = tuple(slice(None) if w == 0 else slice(step, None) if w > 0 else slice(None, -step) for w in way)

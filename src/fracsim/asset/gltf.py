@@ -154,4 +154,5 @@ def _strided(data: bytes, start: int, stride: int, like: Array) -> Array:
     need = start + stride * (len(like) - 1) + row if len(like) else 0
     if need > len(data):
         raise ValueError("an accessor ends after its buffer view")
-    return np.ndarray(like.shape, like.dtype, data, start, (stride, like.itemsize))
+    out: Array = np.ndarray(like.shape, like.dtype, data, start, (stride, like.itemsize))
+    return out

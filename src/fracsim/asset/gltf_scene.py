@@ -13,6 +13,16 @@ from fracsim.records import Array
 
 KNOWN = ("POSITION", "NORMAL", "TANGENT", "TEXCOORD_", "COLOR_0", "JOINTS_", "WEIGHTS_")
 """Attributes that are read, or only concern shine."""
+LEFT = {
+    "hidden nodes": "hidden nodes were left out",
+    "nodes elsewhere": "meshes are in no scene, or not in the one that the file shows, and were left out",
+    "points or lines": "primitives are points or lines and were left out",
+    "invisible triangles": "triangles are transparent and were left out",
+    "glass": "triangles are partly transparent and are opaque here",
+    "cut-outs": "triangles have holes by a mask of their texture, which are filled here",
+    "glow": "primitives glow (emissiveFactor), which is not drawn",
+}
+"""What is counted, and the words after its number."""
 DRACO = "KHR_draco_mesh_compression"
 
 
@@ -34,8 +44,8 @@ class _Scene:
     """The nodes of a document, and counts of what was left out."""
 
     def __init__(self, document: Document) -> None:
-        self.document, self.left = document, dict.fromkeys(
-            ("hidden nodes", "points or lines", "invisible triangles", "glass", "cut-outs", "glow", "nodes elsewhere"), 0)  # fmt: skip
+        self.document = document
+        self.left = dict.fromkeys(LEFT, 0)
         self.attributes: set[str] = set()
         self.world: dict[int, Array] = {}
 
@@ -57,16 +67,7 @@ class _Scene:
 
     def notes(self) -> tuple[str, ...]:
         """Notes for the user on what the file holds and the object does not show."""
-        words = {
-            "hidden nodes": "hidden nodes were left out",
-            "nodes elsewhere": "meshes are in no scene, or not in the one that the file shows, and were left out",
-            "points or lines": "primitives are points or lines and were left out",
-            "invisible triangles": "triangles are transparent and were left out",
-            "glass": "triangles are partly transparent and are opaque here",
-            "cut-outs": "triangles have holes by a mask of their texture, which are filled here",
-            "glow": "primitives glow (emissiveFactor), which is not drawn",
-        }
-        out = [f"{n} {words[name]}." for name, n in self.left.items() if n]
+        out = [f"{n} {LEFT[name]}." for name, n in self.left.items() if n]
         if self.attributes:
             out.append(f"Attributes of the file that are not read: {', '.join(sorted(self.attributes))}.")
         return (*dict.fromkeys(self.document.notes), *out)
@@ -167,8 +168,8 @@ def _matrix(node: dict[str, Any]) -> Array:
     from scipy.spatial.transform import Rotation
 
     if "matrix" in node:
-        return np.array(node["matrix"], float).reshape(4, 4).T
-    M = np.eye(4)
+        return np.asarray(np.array(node["matrix"], float).reshape(4, 4).T)
+    M: Array = np.eye(4)
     q = np.array(node.get("rotation", (0, 0, 0, 1)), float)
     if np.linalg.norm(q) > 0:
         M[:3, :3] = Rotation.from_quat(q).as_matrix()
@@ -214,8 +215,8 @@ def _draco(document: Document, primitive: dict[str, Any]) -> tuple[dict[str, Arr
         import DracoPy
     except ImportError as error:
         raise ValueError(
-            f"asset.path={document.path} is compressed by {DRACO}: `pip install DracoPy` (or `fracsim[meshes]`) to read "
-            "it, or export it without compression."
+            f"asset.path={document.path} is compressed by {DRACO}: `pip install DracoPy` (or `fracsim[meshes]`) to "
+            "read it, or export it without compression."
         ) from error
     mesh = DracoPy.decode(document.view(packed["bufferView"]))
     by_id = {a["unique_id"]: a["data"] for a in mesh.attributes}

@@ -14,7 +14,7 @@ from fracsim.records import Array
 
 MOST_TRIANGLES = 5_000_000
 Colours = tuple[Array, Array, Array, list[Array], bool]
-"""Corner colours (T, 3, 3), texture coordinates (T, 3, 2), texture indices (T,), textures, whether there is a colour."""
+"""Corner colours (T, 3, 3), texture coordinates (T, 3, 2), texture indices (T,), textures, and whether coloured."""
 UNSET = (102, 102, 102, 255)
 """The diffuse colour that trimesh sets if the file gives none."""
 
@@ -66,7 +66,7 @@ def _obj_pieces(path: str) -> tuple[list[Piece], tuple[str, ...]]:
     images = {k: _texture(file, m.map, notes) for k, m in by_number.items() if m.map}
     out = []
     for part in parts:
-        k = getattr(getattr(part.visual, "material", None), "name", None)
+        k = str(getattr(getattr(part.visual, "material", None), "name", ""))
         plain = part.visual.kind != "texture"
         out.append(_piece(part, _colours(part) if plain else _obj_colours(part, by_number.get(k), images.get(k))))
     return out, tuple(notes)

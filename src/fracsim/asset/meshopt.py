@@ -21,7 +21,7 @@ def decode(data: bytes, count: int, stride: int, mode: str, kind: str = "NONE") 
     """
     try:
         if mode == "ATTRIBUTES":
-            return FILTERS[kind](_vertices(np.frombuffer(data, np.uint8), count, stride)).tobytes()
+            return bytes(FILTERS[kind](_vertices(np.frombuffer(data, np.uint8), count, stride)).tobytes())
         indices = _triangles(data, count // 3) if mode == "TRIANGLES" else _sequence(data, count)
         return np.array(indices, np.int64).astype("<u2" if stride == 2 else "<u4").tobytes()
     except (IndexError, KeyError, ValueError) as error:

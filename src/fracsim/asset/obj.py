@@ -12,8 +12,8 @@ import numpy as np
 
 from fracsim.records import Array
 
-OPTIONS = {"-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-mm": 2, "-texres": 1,
-           "-type": 1, "-o": 3, "-s": 3, "-t": 3}  # fmt: skip
+OPTIONS = {"-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-mm": 2,
+           "-texres": 1, "-type": 1, "-o": 3, "-s": 3, "-t": 3}  # fmt: skip
 """Options of a map and how many values follow; -o, -s and -t may have fewer."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 FROM_END = re.compile(r"^\s*f\s.*-\d", re.MULTILINE)

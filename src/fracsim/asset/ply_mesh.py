@@ -39,7 +39,8 @@ def read(path: str) -> Any:
     names = {p.name for p in vertex.properties}
     for rgb in RGB:
         if names.issuperset(rgb):
-            mesh.visual.vertex_colors = _bytes(np.stack([np.asarray(vertex[n]) for n in rgb], axis=1))
+            colours = _bytes(np.stack([np.asarray(vertex[n]) for n in rgb], axis=1))
+            mesh = trimesh.Trimesh(P, mesh.faces, vertex_colors=colours, process=False)
     return mesh
 
 

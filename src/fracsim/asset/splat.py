@@ -125,13 +125,14 @@ def _notes(long: int, body: enclose.Body) -> tuple[str, ...]:
     if body.opened:
         notes.append(
             f"The surface is open on one side, as an underside that no camera saw: {body.opened:.0%} of the inside was "
-            "found by rays that meet the surface in most directions, and filled. If the object is a vessel, give it as a "
-            "mesh with walls (asset.kind=mesh)."
+            "found by rays that meet the surface in most directions, and filled. If the object is a vessel, give it as "
+            "a mesh with walls (asset.kind=mesh)."
         )
     if body.hollow > NOTED:
         notes.append(
             f"The object stayed hollow where it may be solid: cells as many as {body.hollow:.0%} of its own lie within "
-            "its surface on most sides. If it is solid, close the surface, or give it as a closed mesh (asset.kind=mesh)."
+            "its surface on most sides. If it is solid, close the surface, or give it as a closed mesh "
+            "(asset.kind=mesh)."
         )
     if not (body.inside & ~body.shell).any():
         notes.append(

@@ -6,6 +6,7 @@ shared vertices may have several colours, and several materials of a scene form 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
 import numpy as np
 
 from fracsim.records import Array
@@ -72,7 +73,8 @@ class Piece:
 
 def joined(pieces: Sequence[Piece], notes: tuple[str, ...] = ()) -> Surface:
     """One surface of all pieces; a note says how many triangles have no colour."""
-    texture, images = [], []
+    texture: list[Array] = []
+    images: list[Array] = []
     for piece in pieces:
         texture.append(np.where(piece.texture >= 0, piece.texture + len(images), -1))
         images.extend(piece.images)
@@ -90,8 +92,9 @@ def _closed(faces: Array) -> bool:
 
 
 def corner_normals(vertices: Array, faces: Array, given: Array | None) -> Array:
-    """Normals at the corners, (T, 3, 3): of the vertices (V, 3), `given` or computed, or of the triangles at sharp edges,
-    as those of a box.
+    """Normals at the corners of triangles (T, 3), (T, 3, 3): those of the vertices (V, 3), `given` or computed.
+
+    At sharp edges, as those of a box, they are those of the triangles.
     """
     import trimesh
 

@@ -10,6 +10,7 @@ os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
 from fracsim.entry.interrupt import Interrupt
 from fracsim.scene.program import Program
+from fracsim.scene.quoting import quoted
 from fracsim.version import __version__
 
 T = TypeVar("T")
@@ -72,7 +73,7 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
         print(f"{program.name} {__version__}")  # Hydra would print its own
         return
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
-    rest = [a for a in sys.argv[1:] if a not in multirun]
+    rest = quoted([a for a in sys.argv[1:] if a not in multirun])
     overrides = [a for a in rest if "=" in a]
     sys.argv[1:] = multirun + rest  # Hydra does not look for it between overrides
     try:

@@ -55,9 +55,27 @@ class Grips:
                 reach = f"the object spans {s.min():.3g}..{s.max():.3g} m along the tearing axis"
                 raise ValueError(
                     f"loading.offset={self.offset:g}: the {name} grip holds no particle ({reach}). "
-                    "Choose a smaller loading.offset, a larger loading.thickness or another axis."
+                    "Choose a smaller loading.offset, a larger loading.thickness or another axis." + self._way_out(x)
                 )
         return side
+
+    def _way_out(self, x: Array) -> str:
+        """Fields for which both grips hold some of the particles at x [m], (N, 3), as a sentence; empty if none do."""
+        held, ways = max(1, len(x) // 200), []
+        for degrees in (0, 90, *(a for a in range(0, 180, 15) if a % 90)):
+            s = x @ np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
+            if _least(s, self.offset, self.thickness) >= held:
+                ways = [f"loading.axis_deg={degrees}"]
+                break
+        s = self.along(x)
+        reach = float(min(-s.min(), s.max()))
+        for share in (0.8, 0.65, 0.5):
+            offset = float(f"{share * reach:.2g}")
+            for thickness in (self.thickness, float(f"{0.4 * offset:.2g}")):
+                if 2 * offset > 1.5 * thickness and _least(s, offset, thickness) >= held:
+                    thin = f" loading.thickness={thickness:g}" if thickness != self.thickness else ""
+                    return f" Both hold some with {' or with '.join([f'loading.offset={offset:g}{thin}', *ways])}."
+        return f" Both hold some with {ways[0]}." if ways else ""
 
     def exempt(self, x: Array) -> Array:
         """Which particles at rest at x [m], (N, 3), gather no damage: those within BESIDE of a grip, (N,) bool."""
@@ -107,3 +125,8 @@ class Grips:
         out.edge[first] = np.stack([edge, second], axis=1)
         out.weights[first] = hung.weights(gap[edge])
         return out
+
+
+def _least(s: Array, offset: float, thickness: float) -> int:
+    """The smaller number of particles at distances s (N,) that grips at -offset and +offset hold."""
+    return int(min((np.abs(s - offset) <= thickness / 2).sum(), (np.abs(s + offset) <= thickness / 2).sum()))

@@ -1,9 +1,11 @@
 """Errors of Hydra and OmegaConf in the words of a program: the field, the value, what is allowed and the way out."""
 
+import shlex
 from collections.abc import Sequence
 from difflib import get_close_matches
 
 from fracsim.scene.knob import describe, text
+from fracsim.scene.quoting import quote
 
 
 def fields(overrides: Sequence[str]) -> dict[str, str]:
@@ -22,8 +24,9 @@ def explain(error: Exception, overrides: Sequence[str], schema: type, noun: str,
 
     if isinstance(error, OverrideParseException):
         field, _, value = str(error.override).partition("=")
+        safe = f'{field}="{value or "#f2e0c0"}"' if '"' not in value else f"{field}={quote(value)}"
         return (f"{error.override} cannot be read: write field=value, as {_example(schema)}; a value with signs like "
-                f"""# ( ) needs two pairs of quotes, as '{field}="{value or '#f2e0c0'}"'. {see}""")  # fmt: skip
+                f"# ( ) needs two pairs of quotes, as {shlex.quote(safe)}. {see}")  # fmt: skip
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         return f"{group}={choice} is not known: choose one of {', '.join(error.options or ())}."

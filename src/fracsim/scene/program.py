@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from fracsim.scene import effect, explain, space
 from fracsim.scene.knob import check_names, text
 from fracsim.scene.manual import manual
+from fracsim.scene.quoting import quoted
 from fracsim.scene.vocab import Scene
 
 T = TypeVar("T")
@@ -133,7 +134,7 @@ class Program(Generic[T]):
             self.register()
             with initialize_config_dir(str(self.folder), version_base="1.3"):
                 try:
-                    return compose(self.primary, overrides=list(overrides), return_hydra_config=hydra)
+                    return compose(self.primary, overrides=quoted(overrides), return_hydra_config=hydra)
                 except (HydraException, ValueError) as error:
                     raise ValueError(self.explain(error, overrides)) from None
 
