@@ -61,7 +61,7 @@ def render(view, means, covariance, F, opacity, features):
     T, done = np.ones(row.shape), np.zeros(row.shape, bool)
     image, median = np.zeros((*row.shape, features.shape[1])), np.full(row.shape, np.inf)
     for g in np.argsort(depth, kind="stable"):
-        if depth[g] <= 0.2 or np.linalg.det(flat[g]) <= 0:
+        if depth[g] <= view.near or np.linalg.det(flat[g]) <= 0:
             continue
         offset = np.stack([column, row], axis=-1) - centre[g]
         distance = np.einsum("hwi,ij,hwj->hw", offset, np.linalg.inv(flat[g]), offset)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from fracsim.camera import framing, look_at, project
+from fracsim.camera import NEAR, framing, look_at, project
 from fracsim.render.composite import compositor
 from fracsim.render.project import projector
 from fracsim.render.splat import Splatter, visibility
@@ -18,7 +18,7 @@ def random_scene(n, channels, dtype, seed):
     """Gaussians in, beside and behind the picture, round to needle-like, invisible to opaque."""
     rng = np.random.default_rng(seed)
     means = np.ones(3) + rng.normal(size=(n, 3)) * 0.5
-    means[: n // 20] = VIEW.eye + rng.normal(size=(n // 20, 3)) * 0.3  # some nearer than NEAR or behind
+    means[: n // 20] = VIEW.eye + rng.normal(size=(n // 20, 3)) * 0.3  # some before the near plane, or behind
     half = rng.normal(size=(n, 3, 3)) * rng.uniform(0.003, 0.06, (n, 1, 1))
     A = half @ half.transpose(0, 2, 1)
     covariance = A.reshape(n, 9)[:, [0, 1, 2, 4, 5, 8]]
@@ -45,11 +45,11 @@ def test_projection_equals_the_oracle():
     depth, rectangle, ellipse = np.empty(400), np.empty((400, 4), np.int32), np.empty((400, 8))
     size = VIEW.width, VIEW.height
     projector(ti.f64)(means, covariance, F, opacity, VIEW.rotation, VIEW.world_to_camera[:3, 3], (VIEW.fx, VIEW.fy),
-                      (VIEW.cx, VIEW.cy), size, depth, rectangle, ellipse)  # fmt: skip
+                      (VIEW.cx, VIEW.cy), size, VIEW.near, depth, rectangle, ellipse)  # fmt: skip
     z, centre, flat = oracle.project(VIEW, means, covariance, F)
     seen = depth > 0
     assert 100 < seen.sum() < 400
-    assert (z[seen] > 0.2).all()
+    assert (z[seen] > VIEW.near).all()
     beyond = np.abs(centre[seen] / size - 0.5).max(axis=1) > 0.65
     assert beyond.sum() > 5  # where the Jacobian is held
     np.testing.assert_allclose(depth[seen], z[seen], rtol=1e-12)
@@ -146,6 +146,16 @@ def test_no_gaussians_is_an_empty_picture():
     assert np.isinf(median).all()
     behind = blob([FRONT.eye + [0, 0, 1]], 0.1, 0.9, np.ones((1, 2)))
     assert not Splatter(FRONT, 2).render(*behind)[1].any()
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0])
+def test_a_gaussian_is_drawn_behind_the_near_plane_only(size):
+    """At a distance D the near plane is NEAR D before the eye, whatever the size of the scene."""
+    view = framing(np.ones(3), size, size, 40, 0, 0, 64, 64)
+    np.testing.assert_allclose(view.near, NEAR * size / np.tan(np.radians(20)), rtol=1e-12)
+    for depth, drawn in ((1.001 * view.near, True), (0.999 * view.near, False)):
+        scene = blob([view.eye - [0, 0, depth]], 0.1 * view.near, 0.9, np.ones((1, 1)))
+        assert Splatter(view, 1, np.float64).render(*scene)[1].any() == drawn
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

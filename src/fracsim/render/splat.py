@@ -8,7 +8,7 @@ from taichi.lang.util import to_taichi_type
 
 from fracsim.arrays import Arrays, power_of_2
 from fracsim.backend import on_cpu
-from fracsim.camera import NEAR, TILE, View
+from fracsim.camera import TILE, View
 from fracsim.camera import project as project_points
 from fracsim.records import Array
 from fracsim.render import sh as harmonics
@@ -97,7 +97,7 @@ class Splatter:
         view = self.view
         projector(self._real)(
             means, covariance, F, opacity, view.rotation, view.world_to_camera[:3, 3], (view.fx, view.fy),
-            (view.cx, view.cy), (view.width, view.height), self._depth, self._rectangle, self._ellipse,
+            (view.cx, view.cy), (view.width, view.height), view.near, self._depth, self._rectangle, self._ellipse,
         )  # fmt: skip
 
 
@@ -119,7 +119,7 @@ def visibility(view: View, median: Array, points: Array, tolerance: float) -> Ar
     visible point, up to the tolerance.
     """
     xy, depth = project_points(view, points)
-    inside = (depth > NEAR) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)
+    inside = (depth > view.near) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)
     column, row = xy[inside].astype(int).T
     inside[inside] = depth[inside] <= median[row, column] + tolerance
     return inside
