@@ -25,7 +25,7 @@ class Picture:
     alpha: Array | None
     """Coverage, (H, W)."""
     maps: dict[str, Array]
-    """Composited quantities on zero (Eq. 6), (H, W, C) each."""
+    """Composited quantities on zero (Eq. 6), (H, W, C) each: the quantity times its coverage."""
     median: Array | None
     """Depth where half the light is lost [m], (H, W)."""
 

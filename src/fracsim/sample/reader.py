@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.sample import chunked, schema
+from fracsim.sample import chunked, coverage, schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
 from fracsim.sample.quantise import LEVELS, dequantise
@@ -108,18 +108,35 @@ class Sample:
 
     @cached_property
     def maps(self) -> Maps:
-        """Physics maps in physical units, [T, H, W, C] float32 each; exactly 0 where there is no object.
+        """Physics maps in physical units as they lie on disk, [T, H, W, C] float32 each; exactly 0 without object.
 
-        A pixel holds the quantity times its coverage: divide by `alpha`, if there is one, for the quantity itself.
+        A pixel holds the quantity times its coverage (Eq. 6), like colour on black, so that it fades where the object
+        ends: `maps_over_alpha` has the quantity itself.
         """
         return Maps(tuple(self.meta["maps"]), self.read)
 
-    def read(self, what: str, start: int = 0, stop: int | None = None) -> Array:
+    @cached_property
+    def maps_over_alpha(self) -> Maps:
+        """Physics maps over their coverage, [T, H, W, C] float32 each: the quantity itself, up to the object's edge.
+
+        Exactly 0 where `alpha` is below `coverage.FAINT` = 0.05. Equal to `maps` when no alpha was recorded.
+        """
+        return Maps(tuple(self.meta["maps"]), lambda name: self.read(name, over_alpha=True))
+
+    def read(self, what: str, start: int = 0, stop: int | None = None, over_alpha: bool = False) -> Array:
         """Frames start .. stop - 1 (default: all) of "rgb", "alpha" or a map, [T, ...] as `rgb`, `alpha` and `maps`.
 
-        Decodes these frames only and keeps nothing. Raises ValueError for a range that is empty or not within
-        0 .. frames, for what was not recorded, and for damage within the range.
+        With `over_alpha` a map is that of `maps_over_alpha`. Decodes these frames only and keeps nothing. Raises
+        ValueError for a range that is empty or not within 0 .. frames, for what was not recorded, and for damage within
+        the range.
         """
+        values = self._values(what, start, stop)
+        if over_alpha and what in self.meta["maps"] and self.meta["alpha"]:
+            return coverage.over_alpha(values, self._values("alpha", start, stop))
+        return values
+
+    def _values(self, what: str, start: int, stop: int | None) -> Array:
+        """Frames start .. stop - 1 of "rgb", "alpha" or a map as it lies on disk, in its unit."""
         codes = self.stored(what, start, stop)
         if what == "rgb":
             return codes

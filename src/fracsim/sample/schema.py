@@ -37,7 +37,10 @@ JOURNAL = "frames.jsonl"
 
 
 def map_file(name: str) -> str:
-    """File of a map: FFV1 gray16 [C H, W], the C channels of a frame one above the other, codes as in `quantise`."""
+    """File of a map: FFV1 gray16 [C H, W], the C channels of a frame one above the other, codes as in `quantise`.
+
+    Values are the quantity times its coverage (Eq. 6).
+    """
     return f"maps/{name}.mkv"
 
 

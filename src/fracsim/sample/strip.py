@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from fracsim.records import Array
+from fracsim.sample.coverage import FAINT
 from fracsim.sample.header import Header, MapInfo
 from fracsim.sample.quantise import dequantise, quantise
 from fracsim.sample.video import Encoder
@@ -22,8 +23,6 @@ TITLE, GAP = 24, 4
 GREY = "#606060"
 COLOURS = ("viridis", "inferno", "plasma", "cividis")
 """Matplotlib colour maps of the scalar maps, in turn."""
-FAINT = np.float32(0.05)
-"""Coverage below which a pixel is too faint to be measured."""
 
 
 def reduction(width: int) -> int:

@@ -102,6 +102,8 @@ class Writer:
     ) -> None:
         """Append frame `index`: rgb uint8 [H, W, 3], alpha [H, W], maps [H, W, C], tracks xy [M, 2] and visible [M].
 
+        Maps are composited on zero: the quantity times its coverage alpha.
+
         Raises ValueError when a map is not finite, OSError naming output.folder when the disk is full.
         """
         self._check(index, rgb, alpha, maps)
