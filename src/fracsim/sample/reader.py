@@ -147,12 +147,16 @@ class Sample:
         values = np.empty((count, height, width, channels), np.float32)
         for k, c in np.ndindex(count, channels):
             values[k, ..., c] = dequantise(codes[k, c], *ranges[k][c])
+        for frame, c, row, column, value in self.meta["outliers"][what]:
+            if start <= frame < start + count:
+                values[frame - start, row, column, c] = value
         return values
 
     def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
         """As `read`, but as it lies on disk: "rgb" uint8 [T, H, W, 3], "alpha" uint16 [T, H, W], maps [T, C, H, W].
 
         Coverage is code / 65535, a map is lo + code / 65535 (hi - lo); meta["ranges"][what][frame][channel] is lo, hi.
+        Few values far beyond the others have no code: meta["outliers"][what] lists frame, channel, row, column, value.
         """
         stop = self.frames if stop is None else stop
         if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
@@ -284,7 +288,10 @@ def _recover(folder: Path, meta: dict[str, Any]) -> None:
         except ValueError:
             break
     meta["frames"] = len(lines)
-    meta["ranges"] = {name: [line[name] for line in lines] for name in meta["maps"]}
+    if meta["schema"] < 3:
+        lines = [{"ranges": line, "outliers": dict.fromkeys(meta["maps"], ())} for line in lines]
+    meta["ranges"] = {name: [line["ranges"][name] for line in lines] for name in meta["maps"]}
+    meta["outliers"] = {name: [at for line in lines for at in line["outliers"][name]] for name in meta["maps"]}
 
 
 def _readable(folder: Path, meta: dict[str, Any]) -> int:
