@@ -12,8 +12,11 @@ import numpy as np
 from fracsim.records import Array
 from fracsim.scene.vocab import CENTRE, Scene
 
-NEAR = 0.2
-"""Depth up to which Gaussians and points are culled [m], as in 3DGS (Kerbl et al. 2023)."""
+NEAR = 0.05
+"""Part of the eye's distance from the object's centre up to which Gaussians and points are culled. In 3DGS (Kerbl et
+al. 2023) it is 0.2 of whatever unit a scene has; here objects are from 1 cm to 1.6 m large."""
+CLEAR = 1.25
+"""The eye of a view by angles stays this many times as far from the centre as the object can reach towards it."""
 TILE = 16
 """Edge of a square tile [px]; pictures are whole tiles."""
 MARGIN = 1.08
@@ -60,6 +63,16 @@ class View:
         eye: Array = -self.rotation.T @ self.world_to_camera[:3, 3]
         return eye
 
+    @property
+    def near(self) -> float:
+        """Depth up to which Gaussians and points are culled [m]: the part NEAR of the distance of eye and object."""
+        return NEAR * float(np.linalg.norm(self.eye - CENTRE))
+
+    @property
+    def fov_deg(self) -> float:
+        """Vertical field of view [deg]."""
+        return 2 * math.degrees(math.atan(self.height / 2 / self.fy))
+
 
 def _rigid(matrix: Array) -> Array:
     """`matrix` as (4, 4) float64; raises ValueError unless it is a rotation and a translation."""
@@ -104,26 +117,40 @@ def framing(
     elevation_deg: float,
     width: int,
     height: int,
+    least: float = 0.0,
 ) -> View:
     """The view that just holds a rectangle of half sizes [m] around `centre` [m], (3,), facing the camera.
 
     `fov_deg` is the vertical field of view. At azimuth and elevation 0 the camera looks along -z with y up; azimuth
     turns it counter-clockwise seen from above, elevation lifts it. What stands nearer than the rectangle looks larger
-    and needs a margin.
+    and needs a margin. The eye keeps the distance `least` [m]: where the field of view would bring it nearer, the field
+    of view is narrowed instead, so that the rectangle is held all the same.
     """
     focal = 0.5 * height / math.tan(math.radians(fov_deg) / 2)
     distance = focal * max(2 * half_width / width, 2 * half_height / height)
+    if distance < least:
+        focal, distance = focal * least / distance, least
+    towards_eye = direction(azimuth_deg, elevation_deg)
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     sin, cos = math.sin(elevation), math.cos(elevation)
-    towards_eye = np.array([math.sin(azimuth) * cos, sin, math.cos(azimuth) * cos])
     # The derivative of towards_eye by elevation: up, also straight above and below.
     up = np.array([-math.sin(azimuth) * sin, cos, -math.cos(azimuth) * sin])
     eye = np.asarray(centre) + distance * towards_eye
     return look_at(eye, centre, up, fx=focal, fy=focal, cx=width / 2, cy=height / 2, width=width, height=height)
 
 
+def direction(azimuth_deg: float, elevation_deg: float) -> Array:
+    """Unit vector from the centre to the eye, (3,)."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    cos = math.cos(elevation)
+    return np.array([math.sin(azimuth) * cos, math.sin(elevation), math.cos(azimuth) * cos])
+
+
 def view_of(scene: Scene) -> View:
-    """The camera of a scene: explicit, or a view of the object and of the full travel of both grips."""
+    """The camera of a scene: explicit, or a view of the object and of the full travel of both grips.
+
+    A view by angles keeps the eye outside the object, see `framing` and CLEAR; an explicit one is taken as it is.
+    """
     c = scene.camera
     if c.matrix:
         fx, fy, cx, cy = c.intrinsics
@@ -133,7 +160,11 @@ def view_of(scene: Scene) -> View:
     half = MARGIN * (scene.asset.size / 2 + travel * u)
     width = c.half_width or float(half[0])
     height = c.half_width * c.height / c.width or float(half[1])
-    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height)
+    towards_eye = np.abs(direction(c.azimuth_deg, c.elevation_deg))
+    # A box of the largest extent, and the way of a grip.
+    reach = scene.asset.size / 2 * towards_eye.sum() + travel * float(u @ towards_eye)
+    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height,
+                   least=CLEAR * reach)  # fmt: skip
 
 
 def project(view: View, points: Array) -> tuple[Array, Array]:
@@ -141,3 +172,8 @@ def project(view: View, points: Array) -> tuple[Array, Array]:
     x, y, z = (np.asarray(points) @ view.rotation.T + view.world_to_camera[:3, 3]).T
     ahead = np.where(z > 0, z, np.nan)
     return np.stack([view.fx * x / ahead + view.cx, view.fy * y / ahead + view.cy], axis=1), z
+
+
+def depths(view: View, points: Array) -> Array:
+    """Depths [m], (N,), of points [m], (N, 3)."""
+    return np.asarray(points) @ view.rotation[2] + view.world_to_camera[2, 3]

@@ -90,6 +90,9 @@ def test_webdataset_reads_them(clips: Path, shards: Path) -> None:
             codes = np.stack([frame.to_ndarray(format="gray16le") for frame in video.decode(video=0)])
         lo, hi = np.array(facts["ranges"]["stress"])[:, 0].T  # of the only channel
         values = lo[:, None, None] + codes / 65535 * (hi - lo)[:, None, None]
+        for frame, _, row, column, value in facts["outliers"]["stress"]:
+            if frame != -1:
+                values[int(frame), int(row), int(column)] = value
         np.testing.assert_allclose(values, read.maps["stress"][..., 0], rtol=1e-6, atol=1e-3)
         assert (entry["tracks.npz"]["xy"] == read.tracks.xy).all()
         seen += 1
@@ -112,6 +115,9 @@ def test_datasets_reads_them(shards: Path, tmp_path: Path, streaming: bool) -> N
     assert {row["meta.json"]["split"] for row in rows} == {"train", "test"}
     assert sorted(row["meta.json"]["break_frame"] for row in rows) == [-1] * (COUNT - 1) + [3]
     assert all(len(row["meta.json"]["ranges"]["flow"]) == tiny.FRAMES for row in rows)
+    assert sorted(row["meta.json"]["outliers"]["stress"] for row in rows) == [[[-1] * 4 + [0]]] * (COUNT - 1) + [
+        [list(tiny.WILD)]
+    ]
     assert all(row["rgb.mkv"]["bytes"][:4] == b"\x1aE\xdf\xa3" for row in rows)  # Matroska
 
 

@@ -92,6 +92,20 @@ def test_blosc2_alone_reads_them(clips: Path, packed: Path) -> None:
     assert stored.schunk.vlmeta["unit"] == "m/s"
 
 
+def test_wild_pixels_are_exact_and_so_are_their_averages(clips: Path, packed: Path, half: Path) -> None:
+    """The average over 2 x 2 pixels of 1e9 Pa and of three of at most 7 kPa."""
+    frame, _, row, column, value = tiny.WILD
+    (wild,) = fracsim.dataset.open(clips).filter(break_frame=3)
+    whole, small = (fracsim.dataset.open(folder).filter(id=wild.row["id"])[0] for folder in (packed, half))
+    assert whole.read("stress", frame, frame + 1)[0, row, column, 0] == value
+    stored = blosc2.open(str(whole.sample.path / "maps" / "stress.b2nd"), mode="r")
+    assert stored.schunk.vlmeta["outliers"] == [list(tiny.WILD)]
+    averaged = small.read("stress", frame, frame + 1)[0, ..., 0]
+    np.testing.assert_allclose(averaged[row // 2, column // 2], value / 4, rtol=1e-4)
+    exact = shrink(wild.read("stress", frame, frame + 1)[0], *averaged.shape)[..., 0]
+    np.testing.assert_allclose(averaged, exact, rtol=1e-6, atol=0.51 * 7e3 / LEVELS)
+
+
 def first_sum(folder: str, index: int) -> float:
     return float(fracsim.dataset.open(folder)[index].read("stress", 1, 3).sum())
 

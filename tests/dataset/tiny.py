@@ -40,9 +40,16 @@ def report(broken: int | None, **more: Any) -> dict[str, Any]:
             **more}  # fmt: skip
 
 
-def record(scene: Scene, seed: int, **summary: Any) -> Path:
-    """The sample of a scene."""
+WILD = (2, 0, 20, 15, 1e9)
+"""Frame, channel, row, column and value [Pa] of a wild pixel of the stress map."""
+
+
+def record(scene: Scene, seed: int, wild: bool = False, **summary: Any) -> Path:
+    """The sample of a scene, with a wild pixel if wanted."""
     rgb, alpha, maps = pictures(seed, scene.camera.width, scene.camera.height)
+    if wild:
+        frame, channel, row, column, value = WILD
+        maps["stress"][frame, row, column, channel] = value
     xy = np.full((3, 2), 16, np.float32)
     with Writer(header_of(scene), scene.output) as writer:
         for k in range(FRAMES):
@@ -52,9 +59,10 @@ def record(scene: Scene, seed: int, **summary: Any) -> Path:
 
 
 def make(folder: Path, count: int, width: int = WIDTH, height: int = HEIGHT) -> Path:
-    """A data set. No clip breaks but that of the largest id: loaders take types from the first clips."""
+    """A data set. No clip breaks or is wild but that of the largest id: loaders take types from the first clips."""
     made = scenes(folder, count, width, height)
     last = max(header_of(scene).id for scene in made)
     for k, scene in enumerate(made):
-        record(scene, k, broken=3 if header_of(scene).id == last else None)
+        at_last = header_of(scene).id == last
+        record(scene, k, wild=at_last, broken=3 if at_last else None)
     return folder

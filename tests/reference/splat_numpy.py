@@ -54,14 +54,18 @@ def project(view, means, covariance, F):
     return z, centre, flat
 
 
-def render(view, means, covariance, F, opacity, features):
-    """Image (H, W, C), alpha (H, W) and median depth (H, W), front to back with the constants of 3DGS."""
+def render(view, means, covariance, F, opacity, features, tilt=(0, 0)):
+    """Image (H, W, C), alpha (H, W) and median depth (H, W), front to back with the constants of 3DGS.
+
+    Sorted by depth, or along a direction with the slopes `tilt` right and down against the optical axis.
+    """
+    key = (means @ view.world_to_camera[:3, :3].T + view.world_to_camera[:3, 3]) @ [*tilt, 1]
     depth, centre, flat = project(view, means, covariance, F)
     row, column = np.mgrid[: view.height, : view.width] + 0.5
     T, done = np.ones(row.shape), np.zeros(row.shape, bool)
     image, median = np.zeros((*row.shape, features.shape[1])), np.full(row.shape, np.inf)
-    for g in np.argsort(depth, kind="stable"):
-        if depth[g] <= 0.2 or np.linalg.det(flat[g]) <= 0:
+    for g in np.argsort(key, kind="stable"):
+        if depth[g] <= view.near or np.linalg.det(flat[g]) <= 0:
             continue
         offset = np.stack([column, row], axis=-1) - centre[g]
         distance = np.einsum("hwi,ij,hwj->hw", offset, np.linalg.inv(flat[g]), offset)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fracsim import Camera, Loading, Scene
-from fracsim.camera import View, framing, look_at, project, view_of
+from fracsim import Asset, Camera, Capture, Loading, Scene
+from fracsim.camera import CLEAR, NEAR, View, framing, look_at, project, view_of
 
 CENTRE = np.array([1.0, 1.0, 1.0])
 
@@ -103,3 +103,41 @@ def test_explicit_camera_is_taken_as_it_is() -> None:
     xy, depth = project(view, np.array([[1.0, 0.5, 1.0]]))
     assert depth == pytest.approx([4.0])
     assert xy[0] == pytest.approx([32 + 50 / 4, 16 + 60 * 0.5 / 4])
+
+
+@pytest.mark.parametrize("size", [0.01, 0.05, 0.6, 1.6])
+def test_the_near_plane_scales_with_the_distance_of_the_eye(size: float) -> None:
+    """A scene of another size, alike in all lengths, is seen from as many of its sizes away."""
+    s = Scene(asset=Asset(size=size), loading=Loading(speed=size, offset=0.25 * size, thickness=size / 12))
+    view = view_of(s)
+    distance = np.linalg.norm(view.eye - CENTRE)
+    # Half the picture is 1.08 times half the size and the way of a grip, size m/s for 0.99 s.
+    np.testing.assert_allclose(distance, 1.08 * 1.49 * size / np.tan(np.radians(20)), rtol=1e-9)
+    np.testing.assert_allclose(view.near, NEAR * distance, rtol=1e-12)
+
+
+@pytest.mark.parametrize("half_width", [0.001, 0.07, 0.2])
+@pytest.mark.parametrize(("azimuth", "elevation"), [(0, 0), (35, 20), (90, 0), (180, 0), (0, 89), (-120, -40)])
+def test_the_eye_stays_outside_the_object_and_the_near_plane_before_it(half_width, azimuth, elevation) -> None:
+    camera = Camera(half_width=half_width, azimuth_deg=azimuth, elevation_deg=elevation)
+    s = Scene(camera=camera, loading=Loading(axis_deg=30, speed=0.4))
+    view = view_of(s)
+    # The corners of the largest box that the object may fill, each also moved along with the grips.
+    corners = s.asset.size / 2 * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    way = s.loading.speed * s.capture.duration * np.asarray(s.loading.axis)
+    _, depth = project(view, CENTRE + np.concatenate([corners - way, corners, corners + way]))
+    assert depth.min() >= (1 - 1 / CLEAR) * np.linalg.norm(view.eye - CENTRE) * (1 - 1e-9)
+    assert depth.min() > view.near
+    np.testing.assert_allclose(project(view, CENTRE[None])[0], [[256, 256]], atol=1e-9)
+    xy, _ = project(view, CENTRE + half_width * view.rotation[:1])
+    np.testing.assert_allclose(xy, [[512, 256]], atol=1e-6)  # the half width is the one asked for
+
+
+def test_a_field_of_view_is_kept_where_the_eye_has_room() -> None:
+    view = view_of(Scene(camera=Camera(half_width=0.3)))
+    np.testing.assert_allclose(view.fov_deg, 40, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(view.eye - CENTRE), 0.3 / np.tan(np.radians(20)), rtol=1e-12)
+    near = view_of(Scene(camera=Camera(half_width=0.07), capture=Capture(frames=3)))
+    # From the front an object of 0.6 m reaches 0.3 m towards the eye, and CLEAR keeps it 0.375 m away.
+    np.testing.assert_allclose(np.linalg.norm(near.eye - CENTRE), 0.375, rtol=1e-12)
+    np.testing.assert_allclose(near.fov_deg, 2 * np.degrees(np.arctan(0.07 / 0.375)), rtol=1e-12)

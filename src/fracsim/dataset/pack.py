@@ -26,7 +26,7 @@ from fracsim.sample import Sample, chunked, schema
 from fracsim.sample import verify as differences
 from fracsim.sample.folder import is_whole
 from fracsim.sample.identity import digest
-from fracsim.sample.quantise import quantise
+from fracsim.sample.quantise import encode
 
 KEPT = (schema.HISTORY,)
 """Files that are copied as they are, beside the document."""
@@ -116,7 +116,7 @@ def _reduced(meta: Mapping[str, Any], job: Job) -> dict[str, Any]:
     """meta.json of a packed clip: its size, its camera, and what it holds."""
     out, maps = dict(meta), [name for name in meta["maps"] if name in job.fields]
     out |= {name: meta[name] and name in job.fields for name in ("rgb", "alpha")}
-    out |= {name: {m: meta[name][m] for m in maps} for name in ("maps", "ranges")}
+    out |= {name: {m: meta[name][m] for m in maps} for name in ("maps", "ranges", "outliers")}
     if job.width is None:
         return out
     width, height = meta["size"]
@@ -132,7 +132,7 @@ def _reduced(meta: Mapping[str, Any], job: Job) -> dict[str, Any]:
 
 
 def _write(sample: Sample, what: str, folder: Path, meta: dict[str, Any]) -> None:
-    """Write "rgb", "alpha", a map or the tracks, and put new ranges of a map into `meta`."""
+    """Write "rgb", "alpha", a map or the tracks, and put new ranges and outliers of a map into `meta`."""
     width, height = meta["size"]
     same = meta["size"] == sample.meta["size"]
     if what == "tracks":
@@ -145,10 +145,11 @@ def _write(sample: Sample, what: str, folder: Path, meta: dict[str, Any]) -> Non
         if not same:
             # A pixel holds the quantity times its coverage: both are averaged, and their quotient stays the quantity.
             planes = np.moveaxis(sample.read(what), -1, 1)
-            pairs = [[quantise(shrink(plane, height, width)) for plane in frame] for frame in planes]
-            frames = np.stack([np.stack([codes for codes, _ in frame]) for frame in pairs])
-            meta["ranges"][what] = [[list(span) for _, span in frame] for frame in pairs]
-        about = {"unit": meta["maps"][what]["unit"], "ranges": meta["ranges"][what]}
+            coded = [encode(np.stack([shrink(plane, height, width) for plane in frame])) for frame in planes]
+            frames = np.stack([c.codes for c in coded])
+            meta["ranges"][what] = [[list(span) for span in c.ranges] for c in coded]
+            meta["outliers"][what] = [[k, *at] for k, c in enumerate(coded) for at in c.outliers]
+        about = {"unit": meta["maps"][what]["unit"], **{m: meta[m][what] for m in ("ranges", "outliers")}}
     elif not same:
         frames = np.stack([np.rint(shrink(frame, height, width)).astype(frame.dtype) for frame in frames])
     chunked.write(folder / chunked.file(what), frames, about)

@@ -22,7 +22,8 @@ from PIL import Image
 from fracsim.dataset.cells import Cell, collect
 from fracsim.dataset.page import Key, Page
 from fracsim.records import Array
-from fracsim.sample.strip import FAINT, amount, scalar, vectors
+from fracsim.sample.coverage import FAINT
+from fracsim.sample.strip import amount, scalar, vectors
 from fracsim.sample.video import Encoder
 from fracsim.scene.knob import describe, text
 from fracsim.scene.vocab import Scene

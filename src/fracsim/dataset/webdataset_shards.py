@@ -173,7 +173,8 @@ def _facts(clip: Clip, fields: Sequence[str]) -> dict[str, Any]:
     meta = clip.sample.meta
     maps = [name for name in fields if name in meta["maps"]]
     return values | {"units": {name: meta["maps"][name]["unit"] for name in maps},
-                     "ranges": {name: meta["ranges"][name] for name in maps}}  # fmt: skip
+                     "ranges": {name: meta["ranges"][name] for name in maps},
+                     "outliers": {name: meta["outliers"][name] or [[NONE] * 4 + [0.0]] for name in maps}}  # fmt: skip
 
 
 class _Hashing(io.RawIOBase):

@@ -6,11 +6,11 @@ import numpy as np
 
 from fracsim import maps
 from fracsim.asset.harmonics import turned
-from fracsim.camera import project, view_of
+from fracsim.camera import depths, project, view_of
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.rotations import rotations
 from fracsim.render.splat import Splatter, colours, visibility
-from fracsim.scene.vocab import Scene
+from fracsim.scene.vocab import CENTRE, Scene
 
 SH0 = 0.28209479177387814
 """The constant spherical harmonic, 1 / (2 sqrt(pi))."""
@@ -25,7 +25,7 @@ class Picture:
     alpha: Array | None
     """Coverage, (H, W)."""
     maps: dict[str, Array]
-    """Composited quantities on zero (Eq. 6), (H, W, C) each."""
+    """Composited quantities on zero (Eq. 6), (H, W, C) each: the quantity times its coverage."""
     median: Array | None
     """Depth where half the light is lost [m], (H, W)."""
 
@@ -48,6 +48,8 @@ class Film:
         self.maps = {name: maps.load(name) for name in scene.capture.maps}
         self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
         self.splatter = Splatter(self.view, self.channels) if self.channels else None
+        self._culled, self._when = 0, 0
+        self._empty = False
 
     def splat(self, frame: Frame, particles: Particles, features: Array) -> tuple[Array, Array, Array]:
         """Image (H, W, C), alpha (H, W) and median depth (H, W) [m] of any features a particle, (N, C)."""
@@ -68,6 +70,7 @@ class Film:
         parts = [self.colours(frame, particles)] if self.scene.capture.rgb else []
         parts += [maps.values(name, m, frame, self.view.rotation) for name, m in self.maps.items()]
         image, alpha, median = self.splat(frame, particles, np.concatenate(parts, axis=1, dtype=np.float32))
+        self._watch(frame, alpha)
         rgb, pictures, at = None, {}, 0
         if self.scene.capture.rgb:
             rgb, at = on_white(image, alpha), 3
@@ -75,6 +78,31 @@ class Film:
             pictures[name] = image[..., at : at + m.CHANNELS]
             at += m.CHANNELS
         return Picture(rgb, alpha, pictures, median)
+
+    def _watch(self, frame: Frame, alpha: Array) -> None:
+        """Note what the pictures of a frame with coverage `alpha`, (H, W), do not show."""
+        culled = int(np.count_nonzero(depths(self.view, frame.x) <= self.view.near))
+        if culled > self._culled:
+            self._culled, self._when = culled, frame.index
+        self._empty |= frame.index == 0 and not alpha.any()
+
+    def warnings(self) -> list[str]:
+        """What the frames that were shot do not show, or show otherwise than asked for."""
+        camera, view, found = self.scene.camera, self.view, []
+        if not camera.matrix and view.fov_deg < camera.fov_deg * (1 - 1e-9):
+            found.append(
+                f"camera.fov_deg={camera.fov_deg:g} would bring the eye into the reach of the object: it is "
+                f"{np.linalg.norm(view.eye - CENTRE):.3g} m from the object's centre, with {view.fov_deg:.3g} degrees; "
+                f"the half width of the view is as asked for"
+            )
+        if self._culled:
+            found.append(
+                f"{self._culled} particles of frame {self._when} are not drawn, since they are nearer than "
+                f"{view.near:.3g} m to the eye, or behind it: move the camera away from the object"
+            )
+        if self._empty:
+            found.append("the pictures of frame 0 are empty: the camera does not see the object; turn or move it")
+        return found
 
     def choose_tracks(self, frame: Frame, particles: Particles, picture: Picture) -> Array:
         """Sorted indices (M,) of surface particles visible in `frame`, drawn at random with the scene's seed.

@@ -6,7 +6,7 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.camera import NEAR, TILE
+from fracsim.camera import TILE
 
 # Constants of the original 3DGS (Kerbl et al. 2023).
 LOW_PASS = 0.3
@@ -48,12 +48,12 @@ def tiles_over(low, high, count):
 
 @cache
 def projector(dtype: Any) -> Any:
-    """The kernel that writes each Gaussian's depth, tile rectangle and image ellipse.
+    """The kernel that writes each Gaussian's depth, key of the order, tile rectangle and image ellipse.
 
     With (x, y, a, b, c, peak, half width, half height) = ellipse, alpha at (x + u, y + v) [px] is the exponential of
     peak + a u^2 + b u v + c v^2. It reaches 1/255 only within the half sizes. A Gaussian gets an empty rectangle if it
-    is nearer than NEAR, outside the image, nowhere above 1/255, not finite, or has a covariance whose determinant is
-    not positive.
+    is nearer than `near`, outside the image, nowhere above 1/255, not finite, or has a covariance whose determinant is
+    not positive. Its key is the depth plus `tilt` times its position to the right and down, see `Splatter`.
     """
     real2, real3, real6, real8 = (ti.types.vector(n, dtype) for n in (2, 3, 6, 8))
     real33 = ti.types.matrix(3, 3, dtype)
@@ -69,7 +69,10 @@ def projector(dtype: Any) -> Any:
         focal: real2,  # fx, fy [px]
         axis: real2,  # cx, cy [px]
         size: real2,  # width, height [px]
+        near: dtype,  # depth up to which Gaussians are left out [m]
+        tilt: real2,  # right, down
         depth: ti.types.ndarray(dtype=dtype, ndim=1),  # out: [m], 0 where left out, (N,)
+        key: ti.types.ndarray(dtype=dtype, ndim=1),  # out: sorts [m], 0 where left out, (N,)
         rectangle: ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1),  # out: first, end tile (x, y), (N,)
         ellipse: ti.types.ndarray(dtype=real8, ndim=1),  # out: see above, (N,)
     ):
@@ -87,12 +90,14 @@ def projector(dtype: Any) -> Any:
             reach = 2 * (peak - dtype(LOG_FLOOR))  # squared Mahalanobis distance at which alpha is 1/255
 
             depth[g] = 0
+            key[g] = 0
             rectangle[g] = 0
-            if finite(xx + yy + det + centre.sum() + reach) and t[2] > dtype(NEAR) and det > 0 and reach > 0:
+            if finite(xx + yy + det + centre.sum() + reach) and t[2] > near and det > 0 and reach > 0:
                 half = ti.sqrt(reach * ti.Vector([xx, yy]))
                 box = tiles_over(centre - half, centre + half, size / TILE)
                 if box[0] < box[2] and box[1] < box[3]:
                     depth[g] = t[2]
+                    key[g] = ti.max(t[2] + tilt.dot(t.xy), 0)
                     rectangle[g] = box
                     a, b, c = -yy / (2 * det), xy / det, -xx / (2 * det)
                     ellipse[g] = ti.Vector([centre.x, centre.y, a, b, c, peak, half.x, half.y])

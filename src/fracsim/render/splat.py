@@ -8,7 +8,7 @@ from taichi.lang.util import to_taichi_type
 
 from fracsim.arrays import Arrays, power_of_2
 from fracsim.backend import on_cpu
-from fracsim.camera import NEAR, TILE, View
+from fracsim.camera import TILE, View
 from fracsim.camera import project as project_points
 from fracsim.records import Array
 from fracsim.render import sh as harmonics
@@ -16,13 +16,25 @@ from fracsim.render import tiles
 from fracsim.render.composite import compositor
 from fracsim.render.project import projector
 
+TILT = 0.017, 0.0105
+"""Slope right and down of the direction along which Gaussians are sorted, against the optical axis. Their ratio is the
+golden one, so that no short step of a lattice lies across it."""
+
 
 class Splatter:
-    """Renders Gaussians seen from one view. Buffers are kept between frames and grow when needed."""
+    """Renders Gaussians seen from one view. Buffers are kept between frames and grow when needed.
 
-    def __init__(self, view: View, features: int, dtype: Any = np.float32) -> None:
-        """`features` channels a Gaussian; arithmetic and results in `dtype`, float32 or float64."""
-        self.view, self.features, self.dtype = view, features, np.dtype(dtype)
+    Gaussians are sorted along a direction that is tilted by a degree against the optical axis. All rays of a picture
+    ascend along it, so that it orders what lies on one ray as the depth does. But it also orders the layers of a face
+    seen face-on, whose depths are equal up to round-off, by their place in the picture.
+    """
+
+    def __init__(self, view: View, features: int, dtype: Any = np.float32, tilt: tuple[float, float] = TILT) -> None:
+        """`features` channels a Gaussian; arithmetic and results in `dtype`, float32 or float64.
+
+        `tilt` (0, 0) sorts by depth, as 3DGS does.
+        """
+        self.view, self.features, self.dtype, self.tilt = view, features, np.dtype(dtype), tilt
         self._real = to_taichi_type(self.dtype)
         self._composite = compositor(features, TILE if on_cpu() else 1, self._real)
         rows, columns = view.height // TILE, view.width // TILE
@@ -67,13 +79,13 @@ class Splatter:
         return np.ascontiguousarray(array, self.dtype)
 
     def _bin(self, means: Array, covariance: Array, F: Array, opacity: Array) -> int:
-        """Project, order by depth and list the Gaussians of each tile; returns the number of entries.
+        """Project, sort and list the Gaussians of each tile; returns the number of entries.
 
         Takes means (N, 3), covariance (N, 6), F (N, 3, 3) and opacity (N,) as in `render`.
         """
         self._reserve(len(means))
         self._project(means, covariance, F, opacity)
-        order = tiles.depth_order(self._depth.to_numpy()[: len(means)])
+        order = tiles.depth_order(self._key.to_numpy()[: len(means)])
         tiles.count(order, self._rectangle, self._table)
         chunk_starts, tile_starts = tiles.starts(self._table.to_numpy())
         total = int(tile_starts[-1])
@@ -89,15 +101,17 @@ class Splatter:
         if n > self._capacity:
             self._capacity = n
             self._depth = self._arrays.zeros(self._real, n)
+            self._key = self._arrays.zeros(self._real, n)
             self._rectangle = self._arrays.zeros(ti.i32, n, element=(4,))
             self._ellipse = self._arrays.zeros(self._real, n, element=(8,))
 
     def _project(self, means: Array, covariance: Array, F: Array, opacity: Array) -> None:
-        """Fill depth, rectangle and ellipse from means (N, 3), covariance (N, 6), F (N, 3, 3) and opacity (N,)."""
+        """Fill depth, key, rectangle and ellipse from means (N, 3), covariance (N, 6), F (N, 3, 3) and opacity (N,)."""
         view = self.view
         projector(self._real)(
             means, covariance, F, opacity, view.rotation, view.world_to_camera[:3, 3], (view.fx, view.fy),
-            (view.cx, view.cy), (view.width, view.height), self._depth, self._rectangle, self._ellipse,
+            (view.cx, view.cy), (view.width, view.height), view.near, self.tilt, self._depth, self._key,
+            self._rectangle, self._ellipse,
         )  # fmt: skip
 
 
@@ -119,7 +133,7 @@ def visibility(view: View, median: Array, points: Array, tolerance: float) -> Ar
     visible point, up to the tolerance.
     """
     xy, depth = project_points(view, points)
-    inside = (depth > NEAR) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)
+    inside = (depth > view.near) & ((xy >= 0) & (xy < (view.width, view.height))).all(axis=1)
     column, row = xy[inside].astype(int).T
     inside[inside] = depth[inside] <= median[row, column] + tolerance
     return inside

@@ -75,6 +75,7 @@ def _record(scene: Scene, prepared: Ready, film: Film, writer: Writer, watch: Wa
     simulator = Simulator(scene, particles, watch.substeps, prepared)
     reason = _shoot(scene, simulator, film, writer, timer, watch)
     report, seconds = simulator.report.summary(), dict(timer.seconds)
+    report["warnings"] += film.warnings()
     path = writer.finish(report, vars(simulator.report.history), seconds, reason)
     if reason == INTERRUPTED:
         return Outcome("interrupted", path, reason, report, seconds, writer.frames)

@@ -18,7 +18,7 @@ PICTURES = ("rgb", "alpha")
 
 @dataclass(frozen=True)
 class MapInfo:
-    """What a recorded map holds."""
+    """What a recorded map holds; its pixels have the quantity times the coverage, if that is recorded."""
 
     label: str
     """Its name for people."""

@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.sample import chunked, schema
+from fracsim.sample import chunked, coverage, schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
 from fracsim.sample.quantise import LEVELS, dequantise
@@ -108,18 +108,35 @@ class Sample:
 
     @cached_property
     def maps(self) -> Maps:
-        """Physics maps in physical units, [T, H, W, C] float32 each; exactly 0 where there is no object.
+        """Physics maps in physical units as they lie on disk, [T, H, W, C] float32 each; exactly 0 without object.
 
-        A pixel holds the quantity times its coverage: divide by `alpha`, if there is one, for the quantity itself.
+        A pixel holds the quantity times its coverage (Eq. 6), like colour on black, so that it fades where the object
+        ends: `maps_over_alpha` has the quantity itself.
         """
         return Maps(tuple(self.meta["maps"]), self.read)
 
-    def read(self, what: str, start: int = 0, stop: int | None = None) -> Array:
+    @cached_property
+    def maps_over_alpha(self) -> Maps:
+        """Physics maps over their coverage, [T, H, W, C] float32 each: the quantity itself, up to the object's edge.
+
+        Exactly 0 where `alpha` is below `coverage.FAINT` = 0.05. Equal to `maps` when no alpha was recorded.
+        """
+        return Maps(tuple(self.meta["maps"]), lambda name: self.read(name, over_alpha=True))
+
+    def read(self, what: str, start: int = 0, stop: int | None = None, over_alpha: bool = False) -> Array:
         """Frames start .. stop - 1 (default: all) of "rgb", "alpha" or a map, [T, ...] as `rgb`, `alpha` and `maps`.
 
-        Decodes these frames only and keeps nothing. Raises ValueError for a range that is empty or not within
-        0 .. frames, for what was not recorded, and for damage within the range.
+        With `over_alpha` a map is that of `maps_over_alpha`. Decodes these frames only and keeps nothing. Raises
+        ValueError for a range that is empty or not within 0 .. frames, for what was not recorded, and for damage within
+        the range.
         """
+        values = self._values(what, start, stop)
+        if over_alpha and what in self.meta["maps"] and self.meta["alpha"]:
+            return coverage.over_alpha(values, self._values("alpha", start, stop))
+        return values
+
+    def _values(self, what: str, start: int, stop: int | None) -> Array:
+        """Frames start .. stop - 1 of "rgb", "alpha" or a map as it lies on disk, in its unit."""
         codes = self.stored(what, start, stop)
         if what == "rgb":
             return codes
@@ -130,12 +147,16 @@ class Sample:
         values = np.empty((count, height, width, channels), np.float32)
         for k, c in np.ndindex(count, channels):
             values[k, ..., c] = dequantise(codes[k, c], *ranges[k][c])
+        for frame, c, row, column, value in self.meta["outliers"][what]:
+            if start <= frame < start + count:
+                values[frame - start, row, column, c] = value
         return values
 
     def stored(self, what: str, start: int = 0, stop: int | None = None) -> Array:
         """As `read`, but as it lies on disk: "rgb" uint8 [T, H, W, 3], "alpha" uint16 [T, H, W], maps [T, C, H, W].
 
         Coverage is code / 65535, a map is lo + code / 65535 (hi - lo); meta["ranges"][what][frame][channel] is lo, hi.
+        Few values far beyond the others have no code: meta["outliers"][what] lists frame, channel, row, column, value.
         """
         stop = self.frames if stop is None else stop
         if not 0 <= start < stop <= self.frames and (start, stop) != (0, self.frames):
@@ -267,7 +288,10 @@ def _recover(folder: Path, meta: dict[str, Any]) -> None:
         except ValueError:
             break
     meta["frames"] = len(lines)
-    meta["ranges"] = {name: [line[name] for line in lines] for name in meta["maps"]}
+    if meta["schema"] < 3:
+        lines = [{"ranges": line, "outliers": dict.fromkeys(meta["maps"], ())} for line in lines]
+    meta["ranges"] = {name: [line["ranges"][name] for line in lines] for name in meta["maps"]}
+    meta["outliers"] = {name: [at for line in lines for at in line["outliers"][name]] for name in meta["maps"]}
 
 
 def _readable(folder: Path, meta: dict[str, Any]) -> int:

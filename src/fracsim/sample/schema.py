@@ -15,9 +15,10 @@ from omegaconf.errors import OmegaConfBaseException
 from fracsim.sample.identity import FRACSIM, digest
 from fracsim.scene.vocab import Scene
 
-VERSION = 2
-READABLE = (1, 2)
-"""Versions that `read_meta` understands. Version 1 held scenes only, and not the content that names them."""
+VERSION = 3
+READABLE = (1, 2, 3)
+"""Versions that `read_meta` understands. Version 1 held scenes only, and not the content that names them; versions 1
+and 2 had no outliers."""
 META = "meta.json"
 """Everything about the sample that is not an array; `complete` is true only when all of it is there."""
 SCENE = "scene.yaml"
@@ -33,11 +34,14 @@ HISTORY = "history.npz"
 STRIP = "strip.mp4"
 REPORT = "report.png"
 JOURNAL = "frames.jsonl"
-"""The ranges of each frame while a sample is written; at the end they move into meta.json."""
+"""The ranges and outliers of each frame while a sample is written; at the end they move into meta.json."""
 
 
 def map_file(name: str) -> str:
-    """File of a map: FFV1 gray16 [C H, W], the C channels of a frame one above the other, codes as in `quantise`."""
+    """File of a map: FFV1 gray16 [C H, W], the C channels of a frame one above the other, codes as in `quantise`.
+
+    Values are the quantity times its coverage (Eq. 6).
+    """
     return f"maps/{name}.mkv"
 
 
@@ -106,12 +110,15 @@ def read_meta(folder: Path) -> dict[str, Any]:
             ": make the sample again, or read it with the version of fracsim that its meta.json names."
         )
     assert isinstance(meta, dict)
-    return _upgraded(meta) if version == 1 else meta
-
-
-def _upgraded(meta: dict[str, Any]) -> dict[str, Any]:
-    """meta.json of version 1 with the entries that version 2 added."""
-    return {"producer": FRACSIM, "content": {}, "document": SCENE, "alpha": bool(meta["rgb"] or meta["maps"]), **meta}
+    if version == 1:
+        meta = {
+            "producer": FRACSIM,
+            "content": {},
+            "document": SCENE,
+            "alpha": bool(meta["rgb"] or meta["maps"]),
+            **meta,
+        }
+    return {"outliers": {name: [] for name in meta["maps"]}, **meta} if version < 3 else meta
 
 
 def plain(value: Any) -> Any:

@@ -11,8 +11,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from fracsim.records import Array
+from fracsim.sample.coverage import FAINT
 from fracsim.sample.header import Header, MapInfo
-from fracsim.sample.quantise import dequantise, quantise
+from fracsim.sample.quantise import dequantise, quantise, split
 from fracsim.sample.video import Encoder
 
 WIDEST = 320
@@ -22,8 +23,6 @@ TITLE, GAP = 24, 4
 GREY = "#606060"
 COLOURS = ("viridis", "inferno", "plasma", "cividis")
 """Matplotlib colour maps of the scalar maps, in turn."""
-FAINT = np.float32(0.05)
-"""Coverage below which a pixel is too faint to be measured."""
 
 
 def reduction(width: int) -> int:
@@ -59,7 +58,7 @@ class Strip:
             magnitude = np.sqrt((planes[:, covered] ** 2).sum(axis=0))
             if magnitude.size:  # a single wild particle must not make the clip dark
                 self._peaks[name] = max(self._peaks[name], float(np.percentile(magnitude, 99.5)))
-            codes, span = quantise(planes)
+            codes, span = quantise(split(planes)[0])
             self._scratch.write(codes.tobytes())
             ranges.append(span)
         self._ranges.append(ranges)

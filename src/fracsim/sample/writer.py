@@ -17,7 +17,7 @@ from fracsim.sample.folder import claim, keep_incomplete, publish
 from fracsim.sample.header import Header
 from fracsim.sample.identity import canonical
 from fracsim.sample.provenance import provenance
-from fracsim.sample.quantise import LEVELS, quantise
+from fracsim.sample.quantise import LEVELS, Coded, encode
 from fracsim.sample.strip import Strip, reduction
 from fracsim.sample.video import Encoder
 from fracsim.scene.vocab import Output
@@ -40,6 +40,7 @@ class Writer:
         self._header, self._output = header, output
         self._particles: Array | None = None
         self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in header.maps}
+        self._outliers: dict[str, list[tuple[int, ...]]] = {name: [] for name in header.maps}
         self._largest = dict.fromkeys(header.maps, 0.0)
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
@@ -102,29 +103,33 @@ class Writer:
     ) -> None:
         """Append frame `index`: rgb uint8 [H, W, 3], alpha [H, W], maps [H, W, C], tracks xy [M, 2] and visible [M].
 
+        Maps are composited on zero: the quantity times its coverage alpha.
+
         Raises ValueError when a map is not finite, OSError naming output.folder when the disk is full.
         """
         self._check(index, rgb, alpha, maps)
         planes = {name: self._planes(name, maps[name]) for name in self._header.maps}
         coded = {name: self._coded(name, planes[name]) for name in self._header.maps}
-        ranges = {name: span for name, (_, span) in coded.items()}
+        ranges = {name: c.ranges for name, c in coded.items()}
+        outliers = {name: [(index, *at) for at in c.outliers] for name, c in coded.items()}
         try:
             if rgb is not None:
                 self._encoders["rgb"].write(rgb)
             if alpha is not None:
                 self._encoders["alpha"].write(np.rint(np.clip(alpha, 0, 1) * LEVELS).astype(np.uint16))
-            for name, (codes, _) in coded.items():
-                self._encoders[name].write(codes)
+            for name, c in coded.items():
+                self._encoders[name].write(c.codes)
             if self._strip is not None:
                 self._strip.add(rgb, alpha, planes)
             # Last, so that a frame counts only when all of it has been handed over.
             assert self._journal is not None
-            self._journal.write(json.dumps(ranges) + "\n")
+            self._journal.write(json.dumps({"ranges": ranges, "outliers": outliers}) + "\n")
             self._journal.flush()
         except OSError as error:
             raise self._explained(error) from error
-        for name, span in ranges.items():
-            self._ranges[name].append(span)
+        for name in ranges:
+            self._ranges[name].append(ranges[name])
+            self._outliers[name] += outliers[name]
         if tracks is not None:
             self._tracks.append((np.array(tracks[0], np.float32), np.array(tracks[1], bool)))
         self.frames += 1
@@ -146,13 +151,12 @@ class Writer:
         self._largest[name] = max(self._largest[name], float(np.sqrt((planes**2).sum(axis=0).max())))
         return planes
 
-    def _coded(self, name: str, planes: Array) -> tuple[Array, list[tuple[float, float]]]:
-        """A map [C, H, W] as codes [C H, W] and the range of each channel."""
+    def _coded(self, name: str, planes: Array) -> Coded:
+        """A map [C, H, W] as codes, ranges and outliers."""
         try:
-            pairs = [quantise(plane) for plane in planes]
+            return encode(planes)
         except ValueError as error:
             raise ValueError(f"map {name} of frame {self.frames}: {error}.") from None
-        return np.concatenate([codes for codes, _ in pairs]), [span for _, span in pairs]
 
     def finish(
         self,
@@ -226,6 +230,7 @@ class Writer:
         self._meta |= {
             "complete": not reason, "reason": reason, "frames": self.frames, "report": report, "seconds": seconds,
             "files": schema.inventory(self.folder), "ranges": self._ranges,
+            "outliers": self._outliers,
         }  # fmt: skip
         schema.write_meta(self.folder, self._meta)
         (self.folder / schema.JOURNAL).unlink(missing_ok=True)
@@ -281,7 +286,7 @@ def _first_meta(header: Header) -> dict[str, Any]:
         "rgb": header.rgb, "alpha": header.alpha, "maps": {name: asdict(info) for name, info in header.maps.items()},
         "document": header.document_file, "content": canonical(header.content),
         "provenance": provenance(header.producer, header.version, header.packages),
-        "report": {}, "seconds": {}, "files": {}, "ranges": {},
+        "report": {}, "seconds": {}, "files": {}, "ranges": {}, "outliers": {},
     }  # fmt: skip
     clash = sorted(set(meta) & set(header.about))
     assert not clash, f"about={clash} are entries of the writer's own"
