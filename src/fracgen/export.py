@@ -1,6 +1,5 @@
 """python -m fracgen.export: write what a training has made for other programs, print where it lies."""
 
-
 from fracgen.config.export import ExportConfig
 from fracsim import entry
 from fracsim.scene.program import Program

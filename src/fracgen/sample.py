@@ -1,6 +1,5 @@
 """python -m fracgen.sample: sample clips from a trained network, print where they lie."""
 
-
 from fracgen.config.sample import SampleConfig
 from fracsim import entry
 from fracsim.scene.program import Program

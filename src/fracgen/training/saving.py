@@ -14,7 +14,6 @@ from fracgen.training import checkpoint
 from fracgen.training.module import Module
 from fracsim.entry import Interrupt
 
-
 EPOCH = 60.0
 """Least age of a checkpoint that the end of an epoch replaces [s]: epochs of a few clips last less."""
 
