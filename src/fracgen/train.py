@@ -47,6 +47,8 @@ def _train(cfg: TrainConfig) -> None:
         if stages.first_process():
             raise KeyboardInterrupt from None
         sys.exit(0)  # the first process tells
+    except SystemExit:  # what Lightning makes of a second signal
+        raise KeyboardInterrupt from None
 
 
 run = hydra.main(config_path=str(TRAIN.folder), config_name=TRAIN.primary, version_base="1.3")(task)
