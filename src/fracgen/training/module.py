@@ -93,9 +93,9 @@ class Module(LightningModule):
 
     # Hooks of Lightning
 
-    def setup(self, stage: str) -> None:
-        """Before it moves to its device, the network gets what depends on it."""
-        network.settle(self.transformer, self.cfg, self.trainer.strategy.root_device, self.tokens)
+    def on_fit_start(self) -> None:
+        """On its device, the network gets what depends on it."""
+        network.settle(self.transformer, self.cfg, self.tokens)
 
     def on_train_batch_end(self, outputs: Any, batch: Batch, batch_idx: int) -> None:
         """After the callbacks: forget the forward passes of an optimiser step."""
