@@ -103,7 +103,7 @@ class Module(LightningModule):
             self.window = []
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
-        """The loss of a forward pass."""
+        """The loss of a forward pass, a number without shape, of a batch of [B] clips."""
         losses = self.losses(batch, self.draw(batch), self.global_step)
         self.window.append((batch, losses._replace(total=losses.total.detach())))
         return self.cfg.trainer.context_parallel * losses.total  # each process has the gradient of its tokens only
