@@ -40,7 +40,7 @@ class Writer:
         self._header, self._output = header, output
         self._particles: Array | None = None
         self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in header.maps}
-        self._outliers: dict[str, list[tuple[int, ...]]] = {name: [] for name in header.maps}
+        self._outliers: dict[str, list[tuple[int, int, int, int, float]]] = {name: [] for name in header.maps}
         self._largest = dict.fromkeys(header.maps, 0.0)
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
