@@ -13,7 +13,7 @@ PICTURE = "losses.png"
 def losses(folder: Path, metrics: str = "metrics.csv") -> Path | None:
     """Draw the losses in the table `metrics` of a run's `folder` against the optimiser step; None when it has none.
 
-    Training to the left and validation to the right, one curve a column, on a logarithmic axis.
+    Training to the left and validation to the right, where there was one; a curve a column, on a logarithmic axis.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # here, because it takes long to load
     from matplotlib.figure import Figure
@@ -23,15 +23,15 @@ def losses(folder: Path, metrics: str = "metrics.csv") -> Path | None:
         return None
     figure = Figure(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(figure)
-    halves = (("training", "loss/"), ("validation", "val/loss/"))
-    for axes, (title, wanted) in zip(figure.subplots(1, 2), halves, strict=True):
-        for name, (steps, values) in table.items():
-            if name.startswith(wanted):
-                axes.semilogy(steps, values, label=name.removeprefix(wanted), marker="." if len(steps) < 20 else "")
+    halves = {title: {name.removeprefix(start): curve for name, curve in table.items() if name.startswith(start)}
+              for title, start in (("training", "loss/"), ("validation", "val/loss/"))}  # fmt: skip
+    shown = {title: found for title, found in halves.items() if found}
+    for axes, (title, found) in zip(figure.subplots(1, len(shown), squeeze=False).flat, shown.items(), strict=True):
+        for name, (steps, values) in found.items():
+            axes.semilogy(steps, values, label=name, marker="." if len(steps) < 20 else "")
         axes.set(title=title, xlabel="optimiser step", ylabel="loss")
         axes.grid(alpha=0.3)
-        if axes.lines:
-            axes.legend(fontsize=8)
+        axes.legend(fontsize=8)
     part = folder / f".{PICTURE}"
     figure.savefig(part, format="png", dpi=110, metadata={"Software": None})
     os.replace(part, folder / PICTURE)

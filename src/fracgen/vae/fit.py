@@ -37,7 +37,7 @@ def train(cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos]) -> 
     Raises ValueError for a checkpoint of another configuration.
     """
     if isinstance(network, PatchVae):
-        network.use(*principal(_patches(cfg, videos)))
+        network.use(*principal(sample_patches(cfg, videos)))
     made = optimiser(cfg, network)
     file = Path(cfg.output.folder).expanduser() / CHECKPOINT
     first = _resume(file, cfg, network, made)
@@ -47,7 +47,7 @@ def train(cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos]) -> 
     return network.eval()
 
 
-def _patches(cfg: TrainVaeConfig, videos: Sequence[clips.Videos]) -> Tensor:
+def sample_patches(cfg: TrainVaeConfig, videos: Sequence[clips.Videos]) -> Tensor:
     """Patches [n, 768] in [-1, 1] of random crops, the first frame of a crop being one of its own."""
     shape = (1, cfg.frames, cfg.size, cfg.size)
     crops = (2 * clips.crops(videos, shape, cfg.seed, k, "principal") - 1 for k in range(CROPS))
@@ -86,8 +86,8 @@ def steps(
 
 def shown(numbers: range) -> Iterator[tuple[int, Callable[[float], None]]]:
     """Each number with a function that takes its loss, and a bar with the last loss and the time left in a terminal."""
-    columns = (TextColumn("train"), BarColumn(16), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("left  loss"),
-               TextColumn("{task.fields[loss]}"))  # fmt: skip
+    columns = (TextColumn("train"), BarColumn(16), MofNCompleteColumn(), TimeRemainingColumn(),
+               TextColumn("left  loss {task.fields[loss]}"))  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("train", total=len(numbers), loss="")
         for number in numbers:

@@ -1,4 +1,4 @@
-"""diffusers' AutoencoderKLWan, or the cheap VAE of patches in its place, with the sizes and the weights of a configuration."""
+"""diffusers' AutoencoderKLWan, or the VAE of patches, with the sizes and the weights of a configuration."""
 
 import json
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from fracgen import weights
 from fracgen.config.model import Vae
 from fracgen.layout import CHANNELS
 from fracgen.vae import names
-from fracgen.vae.patches import PatchVae
+from fracgen.vae.patches import PatchVae, smooth
 
 FILE = "Wan2.1_VAE.pth"
 """Name of the released file."""
@@ -54,21 +54,20 @@ def build(cfg: Vae) -> Any:
 
 def _network(cfg: Vae, statistics: Mapping[str, list[float]]) -> Any:
     sizes = {theirs: getattr(cfg, ours) for ours, theirs in SIZES.items()}
-    return CLASSES[cfg.kind](
-        z_dim=CHANNELS, temperal_downsample=[False, True, True], **sizes, **statistics
-    )
+    return CLASSES[cfg.kind](z_dim=CHANNELS, temperal_downsample=[False, True, True], **sizes, **statistics)
 
 
 @torch.no_grad()
-def initialise(network: nn.Module) -> None:
+def initialise(network: Any) -> None:
     """Random weights that let the input through: at first, every convolution rotates the channels of its own pixel.
 
     With usual weights a signal passes 14 random matrices in a row, which leave little of it but one direction; a
     training of minutes does not repair that. What a convolution adds from neighbouring pixels starts small, what a
-    residual block adds starts at 0.
+    residual block adds starts at 0. A PatchVae becomes a linear codec of smooth pictures instead.
     """
     if isinstance(network, PatchVae):
-        network.quant_conv.bias[CHANNELS:] = LOG_VARIANCE
+        network.use(*smooth())
+        nn.init.constant_(network.get_parameter("quant_conv.bias")[CHANNELS:], LOG_VARIANCE)
         return
     convolutions: dict[str, Any] = {
         name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))

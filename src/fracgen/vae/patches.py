@@ -21,7 +21,7 @@ SMOOTHNESS = 0.95
 """Correlation of neighbouring pixels, frames and colours that the first components are made for, before any data."""
 
 
-class PatchVae(AutoencoderKLWan):  # type: ignore[misc]
+class PatchVae(AutoencoderKLWan):
     """AutoencoderKLWan, with its chunks, tiles and posterior, but another encoder and decoder.
 
     Its `base_dim` is the width of all layers; `dim_mult` is not used.
@@ -29,16 +29,18 @@ class PatchVae(AutoencoderKLWan):  # type: ignore[misc]
 
     def __init__(self, **sizes: Any) -> None:
         with torch.device("meta"):  # Wan's encoder and decoder are not needed
-            super().__init__(**sizes)
-        width, blocks = self.config.base_dim, self.config.num_res_blocks
+            super().__init__(**sizes)  # type: ignore[no-untyped-call]
+        width, blocks = sizes["base_dim"], sizes["num_res_blocks"]
         self.encoder, self.decoder = Encoder(width, blocks), Decoder(width, blocks + 1)
-        self.quant_conv = WanCausalConv3d(2 * CHANNELS, 2 * CHANNELS, 1)  # type: ignore[no-untyped-call]
-        self.post_quant_conv = WanCausalConv3d(CHANNELS, CHANNELS, 1)  # type: ignore[no-untyped-call]
-        for conv in (self.quant_conv, self.post_quant_conv):
+        self.quant_conv = WanCausalConv3d(2 * CHANNELS, 2 * CHANNELS, 1)
+        self.post_quant_conv = WanCausalConv3d(CHANNELS, CHANNELS, 1)
+        whole: list[Any] = [self.quant_conv, self.post_quant_conv]
+        for conv in whole:
             nn.init.dirac_(conv.weight)
             nn.init.zeros_(conv.bias)
+        halves = {"encoder": self.encoder, "decoder": self.decoder}
         self._cached_conv_counts = {name: sum(isinstance(part, WanCausalConv3d) for part in half.modules())
-                                    for name, half in (("encoder", self.encoder), ("decoder", self.decoder))}  # fmt: skip
+                                    for name, half in halves.items()}  # fmt: skip
 
     @torch.no_grad()
     def use(self, mean: Tensor, components: Tensor, deviations: Tensor) -> None:
@@ -59,11 +61,11 @@ class _Trunk(nn.Module):
     def __init__(self, channels: int, width: int, blocks: int, out: int) -> None:
         super().__init__()
         self.conv_in = nn.Conv3d(channels, width, 1)
-        self.blocks = nn.ModuleList(WanResidualBlock(width, width) for _ in range(blocks))  # type: ignore[no-untyped-call]
-        self.norm_out = WanRMS_norm(width, images=False)  # type: ignore[no-untyped-call]
+        self.blocks = nn.ModuleList(WanResidualBlock(width, width) for _ in range(blocks))
+        self.norm_out = WanRMS_norm(width, images=False)
         self.conv_out = nn.Conv3d(width, out, 1)
-        nn.init.zeros_(self.conv_out.weight)
-        nn.init.zeros_(self.conv_out.bias)  # type: ignore[arg-type]
+        for weight in self.conv_out.parameters():
+            nn.init.zeros_(weight)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int]) -> Tensor:
         x = self.conv_in(x)
@@ -78,12 +80,15 @@ class Encoder(nn.Module):
 
     def __init__(self, width: int, blocks: int) -> None:
         super().__init__()
-        self.linear = nn.Conv3d(VALUES, CHANNELS, 1)
+        self.linear: Any = nn.Conv3d(VALUES, CHANNELS, 1)
         self.trunk = _Trunk(VALUES, width, blocks, 2 * CHANNELS)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int]) -> Tensor:
+        """Encode one chunk; `feat_cache` holds the last patches of the chunks before."""
         patches = cut(x)
-        return functional.pad(self.linear(patches), (0, 0) * 3 + (0, CHANNELS)) + self.trunk(patches, feat_cache, feat_idx)
+        linear = functional.pad(self.linear(patches), (0, 0) * 3 + (0, CHANNELS))
+        out: Tensor = linear + self.trunk(patches, feat_cache, feat_idx)
+        return out
 
 
 class Decoder(nn.Module):
@@ -91,10 +96,11 @@ class Decoder(nn.Module):
 
     def __init__(self, width: int, blocks: int) -> None:
         super().__init__()
-        self.linear = nn.Conv3d(CHANNELS, VALUES, 1)
+        self.linear: Any = nn.Conv3d(CHANNELS, VALUES, 1)
         self.trunk = _Trunk(CHANNELS, width, blocks, VALUES)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int], first_chunk: bool = False) -> Tensor:
+        """Decode one chunk; `feat_cache` holds the last latents of the chunks before."""
         frames = join(self.linear(x) + self.trunk(x, feat_cache, feat_idx))
         return frames[:, :, TIME - 1 :] if first_chunk else frames
 
