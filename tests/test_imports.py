@@ -38,6 +38,12 @@ def test_what_fracgen_uses_needs_no_taichi(module: str) -> None:
     assert not loaded(f"import {module}") & {"taichi", "torch", "trimesh", "hydra", "scipy", "matplotlib", "rich"}
 
 
+@pytest.mark.parametrize("module", ["train", "encode", "sample", "train_vae", "plan", "export"])
+def test_the_help_of_fracgen_needs_no_torch(module: str) -> None:
+    """Nor does an error of the configuration: both take a second."""
+    assert not loaded(f"import fracgen.{module}") & {"torch", "lightning", "diffusers", "taichi"}
+
+
 def test_a_sample_is_read_without_taichi(tmp_path: Path) -> None:
     """Colour, maps, tracks, curves, the scene and the check of the hashes."""
     path = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}")).path

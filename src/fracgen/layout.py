@@ -4,9 +4,10 @@ Shapes: B clips, C channels, T latent frames, H and W latent rows and columns of
 """
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
+if TYPE_CHECKING:  # torch takes seconds to load, and the help of every program needs the names of the streams
+    from torch import Tensor
 
 RGB, FLOW, STRAIN, STRESS, DAMAGE = "rgb", "flow", "strain", "stress", "damage"
 STREAMS = (RGB, FLOW, STRAIN, STRESS, DAMAGE)
@@ -51,17 +52,21 @@ def latent_size(width: int, height: int) -> tuple[int, int]:
     return width // SPACE, height // SPACE
 
 
-def join(latents: Mapping[str, Tensor]) -> Tensor:
+def join(latents: "Mapping[str, Tensor]") -> "Tensor":
     """Latents by stream, [B, C, T, H, W] each, as the joint latent [B, C, T, S H, W]."""
+    import torch
+
     return torch.cat([latents[name] for name in ordered(tuple(latents))], dim=-2)
 
 
-def split(joint: Tensor, streams: Sequence[str]) -> dict[str, Tensor]:
+def split(joint: "Tensor", streams: Sequence[str]) -> "dict[str, Tensor]":
     """The latent [B, C, T, H, W] of each stream of a joint latent [B, C, T, S H, W]; views, the inverse of `join`."""
     assert joint.shape[-2] % len(streams) == 0, (joint.shape, streams)
     return dict(zip(ordered(streams), joint.chunk(len(streams), dim=-2), strict=True))
 
 
-def pad_reference(reference: Tensor, streams: int) -> Tensor:
+def pad_reference(reference: "Tensor", streams: int) -> "Tensor":
     """The latent of the object's picture [B, C, H, W] above zeros, [B, C, S H, W]: maps have no reference."""
+    import torch
+
     return torch.cat([reference, *[torch.zeros_like(reference)] * (streams - 1)], dim=-2)

@@ -28,6 +28,8 @@ def task(cfg: TrainConfig) -> None:
         if stages.first_process():
             raise KeyboardInterrupt from None
         sys.exit(0)  # the first process tells
+    except SystemExit:  # what Lightning makes of a second signal
+        raise KeyboardInterrupt from None
 
 
 def main() -> None:

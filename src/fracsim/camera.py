@@ -176,4 +176,4 @@ def project(view: View, points: Array) -> tuple[Array, Array]:
 
 def depths(view: View, points: Array) -> Array:
     """Depths [m], (N,), of points [m], (N, 3)."""
-    return np.asarray(points) @ view.rotation[2] + view.world_to_camera[2, 3]
+    return np.asarray(np.asarray(points) @ view.rotation[2] + view.world_to_camera[2, 3])

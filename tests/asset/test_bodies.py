@@ -35,7 +35,16 @@ def triangle(*points):
     return trimesh.Trimesh(points, [[0, 1, 2]], process=False)
 
 
+def confetti():
+    """A hundred small triangles about the object, some within its box."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(100, 1, 3)) * 5 + rng.normal(size=(100, 3, 3)) * 0.1
+    beyond = np.abs(corners).max(axis=(1, 2)) > 1.01
+    return trimesh.Trimesh(corners[beyond].reshape(-1, 3), np.arange(3 * beyond.sum()).reshape(-1, 3), process=False)
+
+
 STRAY = {
+    "a hundred triangles": confetti(),
     "ground plane": plane(5.0),
     "terrain": plane(5.0, y=-1.2, cells=40),
     "plane of two sides": slab_without_thickness(),

@@ -11,8 +11,8 @@ from fracsim.mpm.grips import Grips
 from fracsim.scene.program import compose
 from fracsim.scene.quoting import quote, quoted
 
-NAMES = ["a b.obj", "a=b.obj", "a[1].obj", "a(1).obj", "a{b}.obj", "a,b.obj", "l\u00f6we.obj", "\u718a.obj", "it's.obj", 'a"b.obj',
-         "a#1.obj", "a&b;c!.obj", "~a.obj", "null", "a%20b.obj", "a@b:c.obj", "a' b'.obj"]  # fmt: skip
+NAMES = ["a b.obj", "a=b.obj", "a[1].obj", "a(1).obj", "a{b}.obj", "a,b.obj", "l\u00f6we.obj", "\u718a.obj", "it's.obj",
+         'a"b.obj', "a#1.obj", "a&b;c!.obj", "~a.obj", "null", "a%20b.obj", "a@b:c.obj", "a' b'.obj"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

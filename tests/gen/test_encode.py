@@ -107,6 +107,15 @@ def test_a_caption_is_embedded_once(simulated: Path, tmp_path: Path) -> None:
     assert len({row["text"] for row in cache.rows}) == len(set(captions)) == 3
 
 
+def test_a_caption_does_not_tell_the_outcome(simulated: Path, tmp_path: Path) -> None:
+    """A user of the model does not know it; the table of the data set does."""
+    run(cfg(simulated, tmp_path, width=64, height=64, frames=17, streams=["rgb"]))
+    told = {clip.row["id"]: clip.row["caption"] for clip in fracsim.dataset.open(simulated, suspect=True)}
+    for row in fracgen.data.open(tmp_path).rows:
+        assert not {"breaks", "holds"} & set(row["caption"].strip(".").split())
+        assert told[row["id"]].startswith(row["caption"].rstrip("."))
+
+
 def test_a_picture_is_embedded_once(simulated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The ducks begin alike, so that three pictures are embedded."""
     seen = []

@@ -1,6 +1,7 @@
 """What the module of a stage draws, minimises and trains; its learning rate; and what it does with numbers that are
 not finite."""
 
+import gc
 import json
 from pathlib import Path
 
@@ -230,6 +231,22 @@ def test_curves_tell_losses_by_stream_and_noise_level_speed_and_memory(latents: 
         name in text for name in ("speed/clips_per_s", "speed/tokens_per_s", "speed/data_wait", "memory/peak_gb")
     )
     assert last["loss/const_share"] == pytest.approx(last["loss/const_weight"] * last["loss/const"] / last["loss/flow"])
+
+
+def test_validations_keep_no_memory(latents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many tensors are alive at the first forward pass behind the second validation as behind the first."""
+    alive: list[int] = []
+    original = Module.training_step
+
+    def counted(self: Module, batch: Batch, batch_idx: int) -> torch.Tensor:
+        if batch_idx in (8, 16):
+            gc.collect()
+            alive.append(sum(issubclass(type(thing), torch.Tensor) for thing in gc.get_objects()))
+        return original(self, batch, batch_idx)
+
+    monkeypatch.setattr(Module, "training_step", counted)
+    stages.run(config(tmp_path, latents))
+    assert alive[1] <= alive[0]
 
 
 def test_losses_of_a_fixed_run_are_those_of_the_reference(latents: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import fracsim.dataset
 from fracgen.config.model import Model
 from fracgen.config.sample import SampleConfig, Sampler
 from fracgen.sampling import generate, job, request, trained_run
+from fracsim.dataset import captions
 from tests.gen import sampling_run
 from tests.gen.sampling_run import (  # noqa: F401
     FRAMES,
@@ -36,7 +37,7 @@ def test_the_picture_of_a_clip_is_its_first_frame_in_the_size_of_the_run(batch: 
         means = frame.reshape(HEIGHT, 2, WIDTH, 2, 3).mean(axis=(1, 3))
         assert np.abs(one.read() - means).max() <= 0.5
         assert np.allclose(one.paths, one.condition.paths(FRAMES, WIDTH, HEIGHT), atol=1e-9)  # seen from the front
-        assert one.caption == one.clip.row["caption"]
+        assert one.caption == captions.prompt(one.clip.row)
 
 
 def test_positions_move_with_the_picture_on_its_canvas(single: SampleConfig, place: Path) -> None:

@@ -79,7 +79,8 @@ def test_stress_of_uniaxial_tension_and_of_shear() -> None:
 def test_stress_is_the_deviatoric_measure() -> None:
     rng = np.random.default_rng(3)
     F = np.eye(3) + 0.3 * rng.standard_normal((200, 3, 3))
-    tau = rng.standard_normal((200, 3, 3))
+    F = F[np.linalg.det(F) > stress.J_MIN]
+    tau = rng.standard_normal((len(F), 3, 3))
     tau += tau.swapaxes(1, 2)
     sigma = tau / np.linalg.det(F)[:, None, None]
     s = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
@@ -95,6 +96,20 @@ def test_pressure_carries_no_von_mises_stress() -> None:
 def test_failed_and_flattened_material_has_no_stress() -> None:
     flat = np.diag([2.0, 1.0, 0.0])[None]
     assert stress.quantity(frame(flat), FRONT)[0, 0] == 0
+
+
+@pytest.mark.parametrize("J", [0.05, 1e-3, 1e-30, 0.0, -0.3])
+def test_crushed_material_shows_the_stress_at_the_smallest_volume_ratio_of_the_laws(J: float) -> None:
+    """tau / J would be 600 kPa, 600 GPa, ... and 0 / 0: a law takes J for 0.05 there, and so does the map."""
+    tensor = pytest.importorskip("fracsim.tensor")
+    assert stress.J_MIN == tensor.J_MIN
+    tau = np.zeros((1, 3, 3))
+    tau[0, 0, 0] = 600.0
+    for dtype in (np.float64, np.float32):
+        F = np.diag([1.0, 1, J])[None].astype(dtype)
+        got = stress.quantity(frame(F, tau.astype(dtype)), FRONT)
+        np.testing.assert_allclose(got, 600 / 0.05, rtol=1e-6)
+        assert got.dtype == dtype
 
 
 def test_damage_is_passed_on() -> None:

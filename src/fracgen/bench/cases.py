@@ -39,9 +39,9 @@ def module(cfg: TrainConfig, size: Size, device: str = "cpu") -> Module:
     """The module of a stage, with the constitutive loss where all streams are there, ready to run on a device."""
     streams = streams_of(size)
     recipe = Recipe(streams=list(streams), constitutive=len(streams) == len(STREAMS))
-    out = Module(cfg, recipe, network.build(cfg, streams), total=1000)
-    network.settle(out.transformer, cfg, torch.device(device), size.tokens)
-    return out.to(device)
+    out = Module(cfg, recipe, network.build(cfg, streams), total=1000).to(device)
+    network.settle(out.transformer, cfg, size.tokens)
+    return out
 
 
 def batch(cfg: Model, size: Size, device: str = "cpu") -> Batch:

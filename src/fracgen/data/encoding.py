@@ -18,6 +18,7 @@ from fracgen.data.index import FORCE, IMAGE, TEXT, Row
 from fracgen.data.summary import Progress, Summary
 from fracgen.data.writer import CacheWriter
 from fracsim.dataset import Clip
+from fracsim.dataset.captions import prompt
 from fracsim.records import Array
 
 CAPTIONS = 16
@@ -90,7 +91,7 @@ def _check_room(clips: int, cfg: EncodeConfig) -> None:
 
 def _captions(clips: Sequence[Clip], cfg: EncodeConfig, writer: CacheWriter, device: torch.device) -> None:
     """Encode each caption that is not there once; the encoder leaves the memory again before the VAE works."""
-    wanted = {pictures.key(clip.row["caption"].encode()): clip.row["caption"] for clip in clips}
+    wanted = {pictures.key(prompt(clip.row).encode()): prompt(clip.row) for clip in clips}
     missing = [(key, caption) for key, caption in wanted.items() if not writer.shares(TEXT, key)]
     if not missing:
         return
@@ -140,11 +141,13 @@ def _conditions(clip: Clip, cfg: EncodeConfig) -> tuple[Row, Array]:
     """The row of a clip without what its pictures tell, and the positions of its grips."""
     condition = conditioning.of_scene(clip.sample.scene)
     paths = pictures.grips(clip, cfg)
-    copied = {name: clip.row[name] for name in ("id", "split", "object", "class", "caption", "sha256")}
+    copied = {name: clip.row[name] for name in ("id", "split", "object", "class", "sha256")}
+    caption = prompt(clip.row)  # the table's own caption tells the outcome, which nobody knows before
     return {
-        **copied, "scalars": conditioning.scalars(condition, cfg.ranges).tolist(), "E": condition.E, "nu": condition.nu,
+        **copied, "caption": caption,
+        "scalars": conditioning.scalars(condition, cfg.ranges).tolist(), "E": condition.E, "nu": condition.nu,
         "onset": condition.onset, "crit": condition.crit, "axis_deg": clip.row["loading_axis_deg"],
-        "force": pictures.grips_key(paths, cfg), "text": pictures.key(clip.row["caption"].encode()),
+        "force": pictures.grips_key(paths, cfg), "text": pictures.key(caption.encode()),
     }, paths  # fmt: skip
 
 

@@ -99,6 +99,6 @@ def key(*parts: bytes) -> str:
 
 
 def grips_key(paths: Array, cfg: EncodeConfig) -> str:
-    """A name for the video of blobs at `paths`: equal to a millionth of a pixel, equal name."""
+    """A name for the video of blobs at `paths` [px], (F, 2, 2): equal to a millionth of a pixel, equal name."""
     rounded = np.round(paths, 6) + 0.0  # makes -0.0 0.0
     return key(rounded.tobytes(), f"{cfg.width} {cfg.height}".encode())

@@ -65,7 +65,7 @@ class CacheWriter:
         return key in self._known[kind]
 
     def share(self, kind: str, key: str, tensor: Tensor) -> None:
-        """Add an entry that clips share: a latent of blobs, an embedding of a caption or of a picture."""
+        """Add an entry that clips share, of any shape: a latent of blobs, an embedding of a caption or of a picture."""
         if not self.shares(kind, key):
             self._collect(kind, key, tensor)
             self._known[kind].add(key)

@@ -43,7 +43,9 @@ def quantise(weight: Tensor, kind: str) -> tuple[Tensor, Tensor]:
     exponent -6, is at most the greater of |w| / 16 and scale / 1024.
     """
     w = weight.float()
-    scale = w.abs().amax(dim=1, keepdim=True).clamp(min=torch.finfo(torch.float32).tiny) / LARGEST[kind]
+    largest = w.abs().amax(dim=1, keepdim=True)
+    # A row of zeros gets any scale; a very small one could be flushed to zero.
+    scale = torch.where(largest > 0, largest, 1.0) / LARGEST[kind]
     codes = w / scale
     return (codes.round() if kind == INT8 else codes).to(DTYPES[kind]).view(STORED[kind]), scale
 

@@ -83,13 +83,13 @@ def _settled(live: LiveBytes) -> int:
 
 
 def owned(network: FracTransformer) -> list[Tensor]:
-    """Weights, their gradients and buffers."""
+    """Weights, their gradients and buffers, of any shape."""
     grads = [p.grad for p in network.parameters() if p.grad is not None]
     return [*network.parameters(), *network.buffers(), *grads]
 
 
 def inputs(cfg: Model, size: Size) -> tuple[Tensor, Tensor, Inputs]:
-    """A noisy latent, noise levels and conditions for a batch of `size`: random numbers of the right shapes."""
+    """A noisy latent [B, 16, T, S H, W], noise levels [B] and conditions for a batch of `size`: random numbers."""
     frames, rows, columns = size.latent
     batch = size.batch
     image = torch.randn(batch, IMAGE_TOKENS, cfg.image_dim) if cfg.image_dim else None

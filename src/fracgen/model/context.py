@@ -29,7 +29,7 @@ class Kept:
         self.entries: list[tuple[tuple[Tensor | None, ...], Tensor]] = []
 
     def get(self, make: Callable[[], Tensor], *tensors: Tensor | None) -> Tensor:
-        """What `make` gave when these very tensors were last seen, or gives now."""
+        """What `make` gave when these very tensors, of any shape, were last seen, or gives now."""
         for known, result in self.entries:
             if all(a is b for a, b in zip(known, tensors, strict=True)):
                 return result

@@ -83,7 +83,7 @@ def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
         read=lambda: seen.pixels,
         condition=moved,
         paths=moved.paths(frames, width, height),
-        caption=moved.caption or captions.caption(words),
+        caption=moved.caption or captions.prompt(words),
         fields=fields,
     )
 
@@ -112,7 +112,7 @@ def _of_data(cfg: SampleConfig, run: TrainedRun, maps: Sequence[str]) -> Iterato
             read=partial(_first, clip, encoding),
             condition=conditioning.of_scene(scene),
             paths=pictures.grips(clip, encoding),
-            caption=clip.row["caption"],
+            caption=captions.prompt(clip.row),
             fields={"asset.name": clip.row["object"], **{name: field_of(scene, name) for name in FIELDS}},
             clip=clip,
         )

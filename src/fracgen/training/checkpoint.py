@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
 
 from fracgen.training.identity import differences
 from fracgen.training.module import Module
@@ -82,7 +83,7 @@ class Restore(Callback):
         checkpoint[ENTRY] = {"step": trainer.global_step, "identity": self.run.content}
 
 
-def load(module: Module, tensors: Mapping[str, torch.Tensor]) -> None:
+def load(module: Module, tensors: Mapping[str, Tensor]) -> None:
     """Put trained tensors into a module; raises ValueError naming tensors that are missing, too many or misshapen."""
     own = dict(module.trained())
     wrong = [n for n in {**own, **tensors} if n not in own or n not in tensors or own[n].shape != tensors[n].shape]

@@ -90,10 +90,12 @@ class Curves(Callback):
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the means, and give back the memory that only the validation needed."""
         means = self.validation.means()
-        log(trainer, {**means, "val/passes": self.validation.last["val/loss/flow"]})
-        self.validated = trainer.global_step
+        means["val/passes"] = self.validation.last["val/loss/flow"]
         if pl_module.device.type == "cuda":
             torch.cuda.empty_cache()
+            means["memory/after_validation_gb"] = torch.cuda.memory_allocated(pl_module.device) / 1e9
+        log(trainer, means)
+        self.validated = trainer.global_step
         self.clock.pause()
 
     def state_dict(self) -> dict[str, Any]:

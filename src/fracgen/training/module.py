@@ -93,9 +93,9 @@ class Module(LightningModule):
 
     # Hooks of Lightning
 
-    def setup(self, stage: str) -> None:
-        """Before it moves to its device, the network gets what depends on it."""
-        network.settle(self.transformer, self.cfg, self.trainer.strategy.root_device, self.tokens)
+    def on_fit_start(self) -> None:
+        """On its device, the network gets what depends on it."""
+        network.settle(self.transformer, self.cfg, self.tokens)
 
     def on_train_batch_end(self, outputs: Any, batch: Batch, batch_idx: int) -> None:
         """After the callbacks: forget the forward passes of an optimiser step."""
@@ -103,7 +103,7 @@ class Module(LightningModule):
             self.window = []
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
-        """The loss of a forward pass."""
+        """The loss of a forward pass, a number without shape, of a batch of [B] clips."""
         losses = self.losses(batch, self.draw(batch), self.global_step)
         self.window.append((batch, losses._replace(total=losses.total.detach())))
         return self.cfg.trainer.context_parallel * losses.total  # each process has the gradient of its tokens only

@@ -22,8 +22,8 @@ def run(file: Path | str) -> str:
     """
     module, batch, step = load(file)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    network.settle(module.transformer, module.cfg, device, module.tokens)
     module.to(device)
+    network.settle(module.transformer, module.cfg, module.tokens)
     lines = [f"{file}: optimiser step {step}, {len(batch.ids)} clips"]
     for precision in dict.fromkeys((module.cfg.trainer.precision, "32-true")):
         if precision == "32-true" and module.cfg.trainer.base_dtype != "float32" and module.cfg.model.train == "lora":

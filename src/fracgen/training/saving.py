@@ -18,15 +18,21 @@ EPOCH = 60.0
 """Least age of a checkpoint that the end of an epoch replaces [s]: epochs of a few clips last less."""
 
 
+AGAIN = 1.0
+"""Signals within this time [s] are one: a process group and its leader may both be sent it."""
+
+
 class Stopped(Exception):  # noqa: N818
     """The run was told to stop, and has written its checkpoint."""
 
 
 class StopSignal(Interrupt):
-    """Signals that ask a run to stop after its forward pass; the second one stops it at once.
+    """Signals that ask a run to stop after its forward pass; one more, a second later, stops it at once.
 
     The signal of batch systems that a job's time is nearly over, SIGUSR1, is one of them.
     """
+
+    _first = 0.0
 
     def _signals(self) -> list[signal.Signals]:
         """The signals that stop a run."""
@@ -35,8 +41,10 @@ class StopSignal(Interrupt):
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.seen:
-            raise KeyboardInterrupt
-        self.seen = True
+            if time.monotonic() - self._first > AGAIN:
+                raise KeyboardInterrupt
+            return
+        self.seen, self._first = True, time.monotonic()
         print("stopping: a checkpoint is written first; again to stop at once", file=sys.stderr, flush=True)
 
 

@@ -54,12 +54,17 @@ def _measures(corners: Array) -> tuple[Array, Array]:
 def _parts(corners: Array) -> tuple[Array, Array]:
     """Number of the part of each triangle (T, 3, 3), (T,), and whether a part has an edge without partner, (parts,).
 
-    Vertices are welded relative to the extent of most corners, so that few far ones change nothing.
+    Vertices are welded relative to the extent of most corners, and far ones only where they are equal, so that few far
+    ones change nothing.
     """
     P = corners.reshape(-1, 3)
     lo, hi = np.quantile(P, (0.05, 0.95), axis=0)
     size = max(float((hi - lo).max()), 1e-6 * float(np.ptp(P, axis=0).max()))
-    edge, _ = weld.directed(weld.numbered(corners, lo - 0.4 * size, 1.8 * size)[1])
+    lo, size = lo - 0.4 * size, 1.8 * size
+    vertex = weld.numbered(corners, lo, size)[1].ravel()
+    far = ((P < lo) | (P > lo + size)).any(axis=1)
+    vertex[far] = len(P) + np.unique(P[far], axis=0, return_inverse=True)[1].ravel()
+    edge, _ = weld.directed(vertex.reshape(-1, 3))
     part = weld.joined(edge)
     open_ = np.zeros(part.max() + 1, bool)
     open_[part[(np.bincount(edge.ravel()) == 1)[edge].any(axis=1)]] = True

@@ -127,8 +127,16 @@ class _Scene:
             return None
         images = () if paint.image is None else (paint.image,)
         return Piece(
-            P[faces][seen], corner_normals(P, faces, N)[seen], paint.rgb[seen], paint.uv[seen],
-            np.full(int(seen.sum()), 0 if images else -1), images, paint.coloured, P, faces[seen])  # fmt: skip
+            corners=P[faces][seen],
+            normals=corner_normals(P, faces, N)[seen],
+            rgb=paint.rgb[seen],
+            uv=paint.uv[seen],
+            texture=np.full(int(seen.sum()), 0 if images else -1),
+            images=images,
+            coloured=paint.coloured,
+            vertices=P,
+            faces=faces[seen],
+        )
 
     def _arrays(self, primitive: dict[str, Any]) -> tuple[dict[str, Array], Array | None]:
         """The attributes (V, columns) of a primitive by name, and its indices."""

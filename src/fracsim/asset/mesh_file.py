@@ -108,7 +108,17 @@ def _piece(part: Any, colours: Colours) -> Piece:
     """The triangles of one geometry of trimesh."""
     rgb, uv, index, images, coloured = colours
     normals = corner_normals(part.vertices, part.faces, part.vertex_normals)
-    return Piece(part.vertices[part.faces], normals, rgb, uv, index, tuple(images), coloured, part.vertices, part.faces)
+    return Piece(
+        corners=part.vertices[part.faces],
+        normals=normals,
+        rgb=rgb,
+        uv=uv,
+        texture=index,
+        images=tuple(images),
+        coloured=coloured,
+        vertices=part.vertices,
+        faces=part.faces,
+    )
 
 
 def _check(path: str, found: list[Piece]) -> None:

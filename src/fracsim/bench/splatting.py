@@ -1,8 +1,14 @@
-"""The rasteriser: colour with four maps against colour alone, on an opaque solid that fills the image."""
+"""The rasteriser: colour with four maps against colour alone, on an opaque solid that fills the image.
+
+Times depend on what else the machine does. So a picture is also given as processor time over that of a yardstick, a
+million numbers sorted by NumPy on one thread in the same round, with the share of a processor that the yardstick got: 1
+on an idle machine.
+"""
 
 import argparse
+import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +25,8 @@ SHARE = 1.4
 """Target of the time of a frame with maps over that of one with colour alone."""
 AXES = (0.3, 0.2, 0.2)
 """Half axes of the solid [m]."""
+YARDSTICK = 1_000_000
+"""Numbers that the yardstick sorts."""
 MARGIN = 1.05
 """Half width of the view over that of the solid."""
 
@@ -31,9 +39,19 @@ def rows(plan: Plan) -> Iterator[Row]:
     seconds = {name: [float(r[name]) for r in rounds] for name in rounds[0]}
     yield median(what, "RGB", seconds["rgb"], "s")
     yield median(what, "RGB + 4 maps", seconds["maps"], "s", most=FRAME)
-    shares = [a / b for a, b in zip(seconds["maps"], seconds["rgb"], strict=True)]
-    yield median(what, "RGB + 4 maps / RGB", shares, "times", most=SHARE)
+    yield median(what, "RGB + 4 maps / RGB", _ratios(seconds["maps"], seconds["rgb"]), "times", most=SHARE)
     yield median(what, "RGB + 4 maps, their quantities and RGB as bytes included", seconds["film"], "s")
+    yield median(what, f"yardstick: {YARDSTICK:,} float32 sorted by NumPy, one thread", seconds["yardstick"], "s")
+    share = statistics.median(_ratios(seconds["yardstick, processor"], seconds["yardstick"]))
+    yield Row(what, "share of a processor that the yardstick got", share, "1")
+    for name, label in (("rgb", "RGB"), ("maps", "RGB + 4 maps")):
+        ratios = _ratios(seconds[f"{name}, processor"], seconds["yardstick, processor"])
+        yield median(what, f"{label} / yardstick, processor time", ratios, "times")
+
+
+def _ratios(some: Sequence[float], others: Sequence[float]) -> list[float]:
+    """Quotients of times of the same rounds."""
+    return [a / b for a, b in zip(some, others, strict=True)]
 
 
 def solid(n: int) -> tuple[Particles, Frame]:
@@ -67,6 +85,24 @@ def timed(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
+def measured(works: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Seconds of one call each, and of processor time of all threads in another one."""
+    out = {name: timed(work) for name, work in works.items()}
+    for name, work in works.items():
+        start = time.process_time()
+        work()
+        out[f"{name}, processor"] = time.process_time() - start
+    return out
+
+
+def yardstick() -> dict[str, float]:
+    """Seconds of the yardstick, and the processor time that it got in them."""
+    values = np.random.default_rng(0).random(YARDSTICK, dtype=np.float32)
+    wall, own = time.perf_counter(), time.thread_time()
+    np.sort(values)
+    return {"yardstick, processor": time.thread_time() - own, "yardstick": time.perf_counter() - wall}
+
+
 def contestants(n: int, pixels: int) -> dict[str, Callable[[], object]]:
     """The functions to time for n Gaussians, each called once to compile it; starts Taichi."""
     backend.start(Backend())
@@ -98,7 +134,7 @@ def main() -> None:
     parser.add_argument("pixels", type=int)
     options = parser.parse_args()
     works = contestants(options.gaussians, options.pixels)
-    serve(lambda: {name: timed(work) for name, work in works.items()})
+    serve(lambda: measured(works) | yardstick())
 
 
 if __name__ == "__main__":

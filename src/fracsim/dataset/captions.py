@@ -16,8 +16,18 @@ PLAIN = {"bread": "loaf of bread"}
 
 def caption(row: Mapping[str, Any]) -> str:
     """The caption of a row of the table; reads object, class, loading_axis_deg, break_frame, torn_frame and frames."""
+    return _filled(row, _end(row))
+
+
+def prompt(row: Mapping[str, Any]) -> str:
+    """As `caption`, but without what happens: what a generator may be told. Reads object, class, loading_axis_deg."""
+    return _filled(row, "")
+
+
+def _filled(row: Mapping[str, Any], end: str) -> str:
+    """The template of the class of a row."""
     name = PLAIN.get(row["object"], str(row["object"]).replace("_", " "))
-    text = TEMPLATES[row["class"]].format(object=name, direction=direction(row["loading_axis_deg"]), end=_end(row))
+    text = TEMPLATES[row["class"]].format(object=name, direction=direction(row["loading_axis_deg"]), end=end)
     return text.replace("A ", "An ", 1) if name[:1].lower() in "aeiou" else text
 
 

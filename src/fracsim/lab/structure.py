@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGES = ("fracsim", "fracgen")
-SHAPE = re.compile(r"\((?:\.\.\.|[\w +]+),[^)]*\)|\[(?:\.\.\.|[\w +]+),[^\]]*\]|any shape|1-D")
-"""A shape in a docstring, as (N, 3), (N,), (..., 3) or [T, H, W]."""
+SHAPE = re.compile(r"\((?:\.\.\.|[\w +]+),[^)]*\)|\[(?:\.\.\.|[\w +]+),[^\]]*\]|\[B\]|any shape|1-D")
+"""A shape in a docstring, as (N, 3), (N,), (..., 3), [T, H, W] or [B]."""
 LONG, MANY = 80, 8
 """Most lines of a function and most positional arguments of a call; launches of kernels may pass more."""
 LAUNCHED = frozenset({"kernel", "_composite", "projector", "ParticleArrays"})

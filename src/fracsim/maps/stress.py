@@ -8,12 +8,15 @@ CHANNELS = 1
 UNIT = "Pa"
 LABEL = "stress"
 SCALE: float | None = None
+J_MIN = 0.05
+"""Smallest volume ratio that divides, that of `fracsim.tensor`: a law takes J for 0.05 where it is smaller, also in
+inverted material, so that tau belongs to this J."""
 
 
 def quantity(frame: Frame, camera_axes: Array) -> Array:
     """Von Mises stress sqrt(3/2 s : s) [Pa], (N, 1), with s the deviator of the degraded Cauchy stress tau / J.
 
-    `camera_axes`, (3, 3), plays no part.
+    J counts as J_MIN where it is smaller. `camera_axes`, (3, 3), plays no part.
     """
     xx, xy, xz, _, yy, yz, _, _, zz = np.ascontiguousarray(frame.tau.reshape(-1, 9).T)
     normal = 0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
@@ -22,7 +25,7 @@ def quantity(frame: Frame, camera_axes: Array) -> Array:
 
 
 def _volume_ratio(F: Array) -> Array:
-    """|det F| of F (N, 3, 3), (N,), bounded away from zero: failed particles may be flat, and 0 / 0 is no stress."""
+    """det F of F (N, 3, 3), at least J_MIN, (N,)."""
     a, b, c, d, e, f, g, h, i = np.ascontiguousarray(F.reshape(-1, 9).T)
     J = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return np.asarray(np.maximum(np.abs(J), np.finfo(J.dtype).tiny))
+    return np.asarray(np.maximum(J, J.dtype.type(J_MIN)))

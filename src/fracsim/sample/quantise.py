@@ -72,7 +72,7 @@ def encode(planes: Array) -> Coded:
 def split(raw: Array) -> tuple[Array, Array]:
     """`raw` with outliers moved to the nearest value that is none, or 0; and which they are, bool.
 
-    Both have the shape of `raw`. Values that are not finite are left as they are.
+    Both have the shape of `raw`, any shape. Values that are not finite are left as they are.
     """
     size = np.abs(raw)
     most, nothing = float(size.max()), np.zeros(raw.shape, bool)

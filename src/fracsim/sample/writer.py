@@ -40,7 +40,7 @@ class Writer:
         self._header, self._output = header, output
         self._particles: Array | None = None
         self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in header.maps}
-        self._outliers: dict[str, list[tuple[int, ...]]] = {name: [] for name in header.maps}
+        self._outliers: dict[str, list[tuple[int, int, int, int, float]]] = {name: [] for name in header.maps}
         self._largest = dict.fromkeys(header.maps, 0.0)
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
@@ -129,7 +129,7 @@ class Writer:
             raise self._explained(error) from error
         for name in ranges:
             self._ranges[name].append(ranges[name])
-            self._outliers[name] += outliers[name]
+            self._outliers[name].extend(outliers[name])
         if tracks is not None:
             self._tracks.append((np.array(tracks[0], np.float32), np.array(tracks[1], bool)))
         self.frames += 1
