@@ -29,10 +29,14 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fracgen.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes, to see whether it runs")
     named = "; ".join(f"{name}: {about}" for name, about in PARTS.items())
-    parser.add_argument("--run", default="", metavar="FOLDER", help="for pareto and overfit: a training, as runs/stage2-ID")
+    parser.add_argument(
+        "--run", default="", metavar="FOLDER", help="for pareto and overfit: a training, as runs/stage2-ID"
+    )
     parser.add_argument("--vae", default="", metavar="FOLDER", help="their VAE, of vae=tiny")
     parser.add_argument("--clips", type=int, default=2, metavar="N", help="for pareto and overfit: clips to sample (2)")
-    parser.add_argument("names", metavar="NAME", nargs="*", help=f"what to measure (default: all that is possible): {named}")
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*", help=f"what to measure (default: all that is possible): {named}"
+    )
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for the CSV files ({FOLDER})")
     options = parser.parse_args(argv)
     for name in options.names:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from fracgen import data, encoders, flow, layout, vae
+from fracgen import data, encoders, flow, layout, model, vae
 from fracgen.bench import cases
 from fracgen.config.conditioning import Conditioning
 from fracgen.config.model import Encoders, Vae
@@ -45,6 +45,8 @@ class Field:
 
     build: Callable[[torch.dtype], FracTransformer]
     """Makes the network with weights of a type."""
+    untrained: Callable[[], FracTransformer]
+    """Makes the network as it was before its training."""
     inputs: Inputs
     empty: Tensor
     """Embedding of the empty caption, [1, 512, D]."""
@@ -72,8 +74,8 @@ class Field:
         own."""
         with transformer.reuse_context():
             return generate.sample(
-                transformer, self.x, inputs or self.inputs, flow.levels(steps, self.shift), solver=solver, guidance=guidance,
-                empty=self.empty, passes=passes,
+                transformer, self.x, inputs or self.inputs, flow.levels(steps, self.shift), solver=solver,
+                guidance=guidance, empty=self.empty, passes=passes,
             )  # fmt: skip
 
 
@@ -98,7 +100,8 @@ def _of_run(source: Source) -> Field:
         return _typed(trained.assemble(source.run, "cpu", dtype, run.model), dtype)
 
     return Field(
-        build, _floats(inputs), encoders.pad(encoders.text(words, run.model.text_dim).encode([""])),
+        build, lambda: model.build(run.model, run.streams), _floats(inputs),
+        encoders.pad(encoders.text(words, run.model.text_dim).encode([""])),
         generate.initial(inputs, 0, batch.ids), layout.join(batch.latents).float(), run.streams, run.shift,
         lambda tile: vae.load(Vae(path=source.vae, tile=tile, **SMALL_VAE)),  # type: ignore[arg-type]
         f"{Path(source.run).name}, {len(numbers)} clip(s) of {cache.about['frames']} frames, "
@@ -108,16 +111,16 @@ def _of_run(source: Source) -> Field:
 
 def _random() -> Field:
     """Random weights, random conditions, the smallest sizes."""
-    model, size = cases.MODELS["tiny"], Size(32, 32, 5, len(STREAMS))
-    cfg, batch = cases.config(model), cases.batch(model, size)
+    tiny, size = cases.MODELS["tiny"], Size(32, 32, 5, len(STREAMS))
+    cfg, batch = cases.config(tiny), cases.batch(tiny, size)
     inputs = noising.inputs(batch, cfg.conditioning, 0, train=False)
 
     def build(dtype: torch.dtype) -> FracTransformer:
         return _typed(network.build(cfg, STREAMS).eval(), dtype)
 
     return Field(
-        build, inputs, torch.zeros(1, TEXT_TOKENS, model.text_dim), generate.initial(inputs, 0, [0]),
-        layout.join(batch.latents), STREAMS, 5.0,
+        build, lambda: build(torch.float32), inputs, torch.zeros(1, TEXT_TOKENS, tiny.text_dim),
+        generate.initial(inputs, 0, [0]), layout.join(batch.latents), STREAMS, 5.0,
         lambda tile: vae.load(Vae(base_dim=4, dim_mult=[1, 1, 1, 1], res_blocks=1, tile=tile)),
         f"random weights, {size.frames} frames, {size.width} x {size.height} px",
     )  # fmt: skip

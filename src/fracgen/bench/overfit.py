@@ -1,11 +1,10 @@
 """A run of `+debug=overfit`: does the network learn one batch by heart, and do its samples look like the clips?
 
-`first loss` is the mean over the first optimiser steps that the curves hold, `last loss` the validation of the same
-clips with fixed noise, at five noise levels. Sampled latents are compared with those of the clips, decoded streams with
+`first loss` is that of the untrained network, `last loss` that of the trained one, for the same clips with the same
+noise, at five noise levels. Sampled latents are compared with those of the clips, decoded streams with
 the decoded latents of the clips, so that the VAE's own error is left out.
 """
 
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,25 +13,29 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from fracgen import flow
 from fracgen.bench.field import Field, Source, decoded, load
 from fracgen.bench.record import Row
+from fracgen.denoiser import velocity
 from fracgen.layout import split
-from fracgen.training.runs import METRICS
+from fracgen.losses import flow_matching
+from fracgen.model import FracTransformer
 from fracsim.records import Array
 
 SOLVER, STEPS = "unipc", 30
 """conf/sampler/default.yaml."""
 LEARNT = 2.0
 """Largest last loss over the first [%]."""
+LEVELS = 5
+"""Noise levels of the losses, (k + 1/2) / LEVELS, as in a validation."""
 COLUMNS = 5
 """Frames of the picture."""
 
 
 def rows(quick: bool, source: Source, out: Path) -> Iterator[Row]:
     """Losses, errors of samples by stream, and whether they follow swapped conditions; writes overfit.png to `out`."""
-    if source.run:
-        yield from losses(Path(source.run) / METRICS)
     field = load(source)
+    yield from learnt(field)
     network = field.build(torch.float32)
     latents = field.sample(network, SOLVER, 2 if quick else STEPS)
     for name, (mine, theirs) in _by_stream(field, latents, field.truth).items():
@@ -48,20 +51,29 @@ def rows(quick: bool, source: Source, out: Path) -> Iterator[Row]:
     picture(made, true, out / f"overfit{'_quick' if quick else ''}.png")
 
 
-def losses(file: Path) -> Iterator[Row]:
-    """First and last losses of all streams together and of each, and their ratio."""
-    with file.open(newline="", encoding="utf-8") as content:
-        table = list(csv.DictReader(content))
-    names = [name for name in table[0] if name.startswith("loss/") and f"val/{name}" in table[0]]
-    for name in [name for name in names if name != "loss/total" and "sigma" not in name]:
-        first = next(float(row[name]) for row in table if row[name])
-        last = [float(row[f"val/{name}"]) for row in table if row[f"val/{name}"]][-1]
-        yield Row("first loss", name.removeprefix("loss/"), first, "1")
-        yield Row("last loss", name.removeprefix("loss/"), last, "1")
-        yield Row("last over first loss", name.removeprefix("loss/"), 100 * last / first, "%",
-                  LEARNT if name == "loss/flow" else None)  # fmt: skip
-    for name in sorted(name for name in table[0] if name.startswith("val/loss/sigma")):
-        yield Row("last loss", name.removeprefix("val/loss/"), [float(r[name]) for r in table if r[name]][-1], "1")
+def learnt(field: Field) -> Iterator[Row]:
+    """Losses of the untrained and the trained network, by stream and by noise level, and their ratio."""
+    first, last = (losses(field, network) for network in (field.untrained(), field.build(torch.float32)))
+    yield Row("first loss", "all streams", float(first.mean()), "1")
+    yield Row("last loss", "all streams", float(last.mean()), "1")
+    yield Row("last over first loss", "all streams", 100 * float(last.mean() / first.mean()), "%", LEARNT)
+    for k, name in enumerate(field.streams):
+        yield Row("last over first loss", name, 100 * float(last[:, k].mean() / first[:, k].mean()), "%")
+    for k in range(LEVELS):
+        ratio = 100 * float(last[k].mean() / first[k].mean())
+        yield Row("last over first loss", f"sigma = {(k + 0.5) / LEVELS:g}", ratio, "%")
+
+
+@torch.no_grad()
+def losses(field: Field, network: FracTransformer) -> Tensor:
+    """Mean squared errors of the velocity over clips, with noise that the training has not seen, [LEVELS, S]."""
+    out = []
+    for k in range(LEVELS):
+        sigma = torch.full((len(field.x),), (k + 0.5) / LEVELS)
+        found = velocity(network, flow.noisy(field.truth, field.x, sigma), sigma, field.inputs)
+        target = flow.velocity(field.truth, field.x)
+        out.append(flow_matching.per_stream(found, target, field.streams).mean(dim=0))
+    return torch.stack(out)
 
 
 def swapped(field: Field, steps: int) -> Iterator[Row]:

@@ -175,7 +175,7 @@ def plot(found: list[Point], named: dict[str, Setting], label: str, path: Path) 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13, 5), layout="constrained")
+    figure: Any = Figure(figsize=(13, 5), layout="constrained")
     FigureCanvasAgg(figure)
     shown = [p for p in found if p.error > 0 and p.setting.guidance == 1]
     for k, (title, value) in enumerate((("latents", lambda p: p.error), ("worst decoded stream", lambda p: p.worst))):

@@ -7,7 +7,9 @@ tensors without memory. A ratio is what it would take over what it takes.
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 from statistics import median as middle
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -30,6 +32,8 @@ STEPS = 4
 """Of a sampling that is timed."""
 FRAMES, WIDTH = 81, 512
 """Of the clips whose operations are counted."""
+CAPTION = 32
+"""Tokens of a caption of fracsim, about."""
 PETA = 1e15
 
 
@@ -61,17 +65,20 @@ def maps(size: Size, repeats: int) -> Iterator[Row]:
     latent = network_.encode(video)
     shape = f"{size.frames} frames, {size.width} x {size.height} px, vae=tiny"
     yield pair("no map decoded that is not asked for", f"5 streams or colour; {shape}",
-               lambda: [network_.decode(latent) for _ in STREAMS], lambda: network_.decode(latent), repeats)  # fmt: skip
+               lambda: [network_.decode(latent) for _ in STREAMS], lambda: network_.decode(latent),
+               repeats)  # fmt: skip
     yield pair("no map encoded that is not asked for", f"5 streams and force, or colour and force; {shape}",
                lambda: [network_.encode(video) for _ in range(6)],
                lambda: [network_.encode(video) for _ in range(2)], repeats)  # fmt: skip
-    modules = {}
-    for count in (len(STREAMS), 1):
-        one = Size(size.width, size.height, size.frames, count)
-        cfg = cases.config(cases.MODELS["tiny"])
-        modules[count] = (cases.module(cfg, one), cases.batch(cfg.model, one))
-    yield pair("no map predicted in stage 1", f"a training step, {shape.removesuffix(', vae=tiny')}, model=tiny",
-               *(lambda m=m, b=b: cases.forward_backward(m, b) for m, b in modules.values()), repeats)  # type: ignore[misc] # fmt: skip
+    yield pair("no map predicted in stage 1", f"a training step, {size.frames} frames, {size.width} x {size.height} px,"
+               " model=tiny", _step(size, len(STREAMS)), _step(size, 1), repeats)  # fmt: skip
+
+
+def _step(size: Size, streams: int) -> Callable[[], None]:
+    """A forward and backward pass with so many streams."""
+    one, cfg = replace(size, streams=streams), cases.config(cases.MODELS["tiny"])
+    module, batch = cases.module(cfg, one), cases.batch(cfg.model, one)
+    return lambda: cases.forward_backward(module, batch)
 
 
 def sampling(size: Size, repeats: int) -> Iterator[Row]:
@@ -126,18 +133,16 @@ def forward(model: Model, size: Size, kept: bool) -> int:
 def encoders(quick: bool) -> Iterator[Row]:
     """What a training step would take besides, if nothing were cached: caption, picture, and six videos."""
     model, size = Model(), Size(WIDTH, WIDTH, FRAMES, 1)
-    step = flops(model, size, "full").total
+    step, label = flops(model, size, "full").total, f"a step of stage 1, {FRAMES} frames, {WIDTH} x {WIDTH} px"
     for name, extra in (("caption (UMT5-xxl)", text_flops()), ("picture (CLIP ViT-H/14)", image_flops())):
-        yield Row(f"no pass of the encoder of the {name} when cached, counted", "operations of a clip", extra / PETA,
-                  "PFLOP")  # fmt: skip
-        yield Row(f"no pass of the encoder of the {name} when cached, counted",
-                  f"a step of stage 1, {FRAMES} frames, {WIDTH} x {WIDTH} px", (step + extra) / step, "times")  # fmt: skip
+        what = f"no pass of the encoder of the {name} when cached, counted"
+        yield Row(what, "operations of a clip", extra / PETA, "PFLOP")
+        yield Row(what, label, (step + extra) / step, "times")
     if not quick:
         video = video_flops()
         yield Row("no pass of the VAE when cached, counted", "operations of a video", video / PETA, "PFLOP")
-        yield Row("no pass of the VAE when cached, counted",
-                  f"a step of stage 1, {FRAMES} frames, {WIDTH} x {WIDTH} px, {RGB} and force",
-                  (step + 2 * video) / step, "times")  # fmt: skip
+        yield Row("no pass of the VAE when cached, counted", f"{label}, {RGB} and force", (step + 2 * video) / step,
+                  "times")  # fmt: skip
 
 
 def _count(network_: nn.Module, call: Callable[[], object]) -> int:
@@ -149,9 +154,9 @@ def _count(network_: nn.Module, call: Callable[[], object]) -> int:
 
 
 def text_flops() -> int:
-    """Operations of UMT5-xxl for one caption, padded as the base was trained."""
+    """Operations of UMT5-xxl for one caption."""
     net = umt5.network(umt5.SIZES)
-    return _count(net, lambda: net(torch.zeros(1, TEXT_TOKENS, dtype=torch.long)))
+    return _count(net, lambda: net(torch.zeros(1, CAPTION, dtype=torch.long)))
 
 
 def image_flops() -> int:
@@ -164,6 +169,7 @@ def video_flops() -> int:
     """Operations of the released VAE for one video."""
     from diffusers import AutoencoderKLWan
 
+    untyped: Any = AutoencoderKLWan
     with torch.device("meta"):
-        net = AutoencoderKLWan()
+        net = untyped()
     return _count(net, lambda: net.encode(torch.zeros(1, 3, FRAMES, WIDTH, WIDTH)))

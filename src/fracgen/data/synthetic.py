@@ -22,8 +22,8 @@ def write(
 ) -> Path:  # fmt: skip
     """Write a cache of `clips` clips of normal latents, `size` x `size` pixels, and return its folder.
 
-    Half of the clips are of the split train. Two clips share a force, all of an object a caption of three words. `about`
-    has entries of cache.json that differ, as the identity of a VAE.
+    Half of the clips are of the split train. Two clips share a force, all of an object a caption of three words.
+    `about` has entries of cache.json that differ, as the identity of a VAE.
     """
     draw = generator(seed, "synthetic")
     picture = (layout.CHANNELS, size // layout.SPACE, size // layout.SPACE)

@@ -1,4 +1,4 @@
-"""`python -m fracgen.stress`: inputs at the edge of what is allowed; each gives finite numbers or is refused by name."""
+"""`python -m fracgen.stress`: inputs at the edge of what is allowed give finite numbers, or are refused by name."""
 
 import argparse
 import sys
@@ -67,10 +67,7 @@ def tried(groups: Sequence[str], fast: bool, shown: bool = False) -> "list[tuple
     from fracgen.stress.place import prepare
 
     chosen: list[Case] = [
-        case
-        for name in groups
-        for case in import_module(f"fracgen.stress.{name}").cases()
-        if not (fast and case.slow)
+        case for name in groups for case in import_module(f"fracgen.stress.{name}").cases() if not (fast and case.slow)
     ]
     with tempfile.TemporaryDirectory() as folder:
         place = prepare(Path(folder) / "place")

@@ -1,6 +1,7 @@
 """Cases of a sampling: steps, guidance, captions, pictures, conditions."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -67,8 +68,8 @@ def _conditions() -> list[Case]:
             f"condition: {name}", lambda p, f: sample(p, f, *overrides, condition=condition), refusal, slow=slow
         )
 
-    far = {"grips": [-2.0, -2.0, 3.0, 3.0], "velocity": [-100.0, 100.0, 100.0, -100.0]}
-    wild = {"E": 1e10, "nu": 0.5, "onset": 9.9, "crit": 10.0, "category": "high_stretch"}
+    far: dict[str, Any] = {"grips": [-2.0, -2.0, 3.0, 3.0], "velocity": [-100.0, 100.0, 100.0, -100.0]}
+    wild: dict[str, Any] = {"E": 1e10, "nu": 0.5, "onset": 9.9, "crit": 10.0, "category": "high_stretch"}
     return [
         of("grips out of the picture", **far),
         of("both grips at one place, at rest", grips=[0.5] * 4, velocity=[0.0] * 4, slow=True),

@@ -13,7 +13,7 @@ from torch import Tensor
 from fracgen.layout import DAMAGE
 from fracgen.model import trained
 from fracgen.stress.case import Case
-from fracgen.stress.place import Place, latents, train
+from fracgen.stress.place import latents, train
 from fracgen.training.runs import METRICS
 from fracsim.records import Array
 
@@ -59,7 +59,7 @@ def spoilt(folder: Path) -> Path:
     cache = latents(folder / "spoilt", clips=8)
     for file in cache.glob("shard-*.safetensors"):
         with safe_open(file, framework="pt") as content:
-            tensors, about = {name: content.get_tensor(name) for name in content.keys()}, content.metadata()
+            tensors, about = {name: content.get_tensor(name) for name in list(content.keys())}, content.metadata()
         for name, tensor in tensors.items():
             if name.startswith("clip0000.") and name.endswith(DAMAGE):
                 tensor.view(-1)[7] = torch.nan

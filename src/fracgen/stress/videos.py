@@ -10,10 +10,11 @@ from torch import Tensor
 
 from fracgen import data, vae
 from fracgen.config.model import Vae
+from fracgen.data import encoding
 from fracgen.encode import ENCODE
 from fracgen.layout import MAPS
 from fracgen.stress.case import Case
-from fracgen.stress.place import FRAMES, SIZE, TEXT, VAE, Place
+from fracgen.stress.place import FRAMES, SIZE, TEXT, VAE
 from fracsim.records import Array
 from fracsim.sample import Writer, header_of
 from fracsim.scene.vocab import Camera, Capture, Output, Scene
@@ -39,10 +40,17 @@ def cases() -> list[Case]:
 def encoded(folder: Path, spike: float = 0.0, **values: float) -> Iterator[Tensor]:
     """All latents of a cache of one clip, whose maps are constant but for one pixel."""
     write(folder / "clips", values, spike)
-    cfg = ENCODE.compose(f"data={folder / 'clips'}", f"width={SIZE}", f"height={SIZE}", f"frames={FRAMES}", *VAE,
-                         "encoders=tiny", f"text_dim={TEXT}", f"output.folder={folder / 'latents'}", "device=cpu")  # fmt: skip
-    from fracgen.data import encoding
-
+    cfg = ENCODE.compose(
+        f"data={folder / 'clips'}",
+        f"width={SIZE}",
+        f"height={SIZE}",
+        f"frames={FRAMES}",
+        *VAE,
+        "encoders=tiny",
+        f"text_dim={TEXT}",
+        f"output.folder={folder / 'latents'}",
+        "device=cpu",
+    )
     encoding.encode(cfg, vae.load(cfg.vae), torch.device("cpu"))
     clip = data.open(folder / "latents")[0]
     yield from (value.float() for value in (*clip.latents.values(), clip.force, clip.reference, clip.scalars))
