@@ -176,7 +176,8 @@ def plot(found: list[Point], named: dict[str, Setting], label: str, path: Path) 
     from matplotlib.figure import Figure
 
     figure: Any = Figure(figsize=(13, 5), layout="constrained")
-    FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg
+    canvas(figure)
     shown = [p for p in found if p.error > 0 and p.setting.guidance == 1]
     for k, (title, value) in enumerate((("latents", lambda p: p.error), ("worst decoded stream", lambda p: p.worst))):
         axes: Any = figure.add_subplot(1, 2, k + 1)
