@@ -196,7 +196,7 @@ def _outside(name: str, value: float, ranges: str) -> None:
     """Warn of, or refuse, a number outside the ranges that the network knows."""
     text = f"condition.{name}={value:g} is outside {LIMITS[name]}, which is what the network knows"
     if ranges == "fail":
-        raise ValueError(f"{text}: bring it inside, or set conditioning.ranges=clamp.")
+        raise ValueError(f"{text}: bring it inside, or set ranges=clamp (conditioning.ranges in a training).")
     warnings.warn(f"{text}: it is clamped.", stacklevel=3)
 
 

@@ -70,9 +70,9 @@ def train(videos: Sequence[str] = ()) -> list[Part]:
     return [
         *shown,
         Part("losses", (
-            Panel("training", ("loss/total", "loss/flow"), logarithmic=True),
+            Panel("training", ("loss/total", "loss/matching"), logarithmic=True),
             Panel("training by stream", tuple(f"loss/{name}" for name in STREAMS), logarithmic=True),
-            Panel("validation", ("val/loss/total", "val/loss/flow"), logarithmic=True),
+            Panel("validation", ("val/loss/total", "val/loss/matching"), logarithmic=True),
             Panel("validation by stream", tuple(f"val/loss/{name}" for name in STREAMS), logarithmic=True),
         )),
         Part("losses by noise level", (

@@ -3,10 +3,14 @@
 import csv
 
 import pytest
+import torch
 
 from fracgen.bench import __main__ as command
-from fracgen.bench import memory, record
+from fracgen.bench import memory, overfit, pareto, record
+from fracgen.bench.field import Source, load
+from fracgen.bench.pareto import Point, Setting
 from fracgen.bench.record import Row
+from fracgen.layout import STREAMS
 
 
 def _table(folder):
@@ -21,6 +25,16 @@ def _table(folder):
     ("loader", {"a clip from the cache", "a clip encoded live", "tokens by the trainer", "tokens by a plain loop",
                 "time that the trainer adds", "waiting for data, share of a step"}),
     ("memory", {"peak memory, measured", "peak memory, planned", "difference"}),
+    ("overfit", {"first loss", "last loss", "last over first loss", "error of sampled latents",
+                 "PSNR of the sampled clips"}),
+    ("pareto", {"processor time", "of it decoding", "wall time", "error of latents", "on the front",
+                *(f"error of {name}, decoded" for name in STREAMS)}),
+    ("skips", {"no map decoded that is not asked for, measured", "no map encoded that is not asked for, measured",
+               "no map predicted in stage 1, measured", "no second pass at guidance 1, measured",
+               "keys of the caption kept over the steps, measured", "no map predicted in stage 1, counted",
+               "keys of caption and picture kept over the steps, counted",
+               "no pass of the encoder of the caption (UMT5-xxl) when cached, counted",
+               "no pass of the encoder of the picture (CLIP ViT-H/14) when cached, counted"}),
 ])  # fmt: skip
 def test_a_part_measures_all_its_figures_and_stores_them(tmp_path, capsys, name, benchmarks):
     assert command.main(["--quick", name, "--out", str(tmp_path)]) == 0
@@ -59,3 +73,43 @@ def test_an_unknown_name_is_refused(capsys):
     with pytest.raises(SystemExit):
         command.main(["speed"])
     assert "NAME=speed is not known: choose from step, loader, memory" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["pareto", "overfit"])
+def test_a_part_that_needs_a_trained_network_says_so(capsys, name):
+    with pytest.raises(SystemExit):
+        command.main([name])
+    assert f"NAME={name} needs a trained network: give --run FOLDER and --vae FOLDER" in capsys.readouterr().err
+
+
+def _point(seconds, error):
+    return Point(Setting("euler", 1), seconds, 0.0, seconds, torch.zeros(1), {}, error)
+
+
+def test_the_front_has_what_nothing_beats_in_both_time_and_error():
+    fast, good, poor, slow = (_point(*p) for p in ((1, 0.5), (2, 0.1), (3, 0.2), (4, 0.1)))
+    assert pareto.front([slow, poor, good, fast]) == [fast, good]
+
+
+def test_the_presets_of_the_sampler_get_slower():
+    named = pareto.presets()
+    assert list(named) == ["preview", "default", "reference"]
+    steps = [setting.steps for setting in named.values()]
+    assert steps == sorted(set(steps))
+
+
+def test_psnr_is_that_of_a_known_difference():
+    """10 log10(1 / 0.1^2) = 20 dB."""
+    x = torch.zeros(3, 2, 4, 4)
+    assert overfit.psnr(x, x + 0.1) == pytest.approx(20, abs=1e-5)
+    assert overfit.psnr(x, x) == pytest.approx(100)
+
+
+def test_the_loss_of_a_network_that_knows_the_answer_is_zero_and_of_one_that_says_nothing_that_of_the_target():
+    """E |noise - x0|^2 = 1 + 1 for normal latents; 5120 numbers a stream leave 4 %."""
+    field = load(Source("", "", 1))
+    x0, noise = field.truth, field.x
+    assert overfit.losses(field, lambda *_, **__: (noise - x0,)).max() < 1e-10
+    silent = overfit.losses(field, lambda *_, **__: (torch.zeros_like(x0),))
+    assert silent.shape == (5, 5)
+    assert silent == pytest.approx((noise - x0).square().mean().expand(5, 5), rel=0.15)

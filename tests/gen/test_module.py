@@ -220,7 +220,9 @@ def test_curves_tell_losses_by_stream_and_noise_level_speed_and_memory(latents: 
     stages.run(config(tmp_path, latents, "stage=3", "init_from=none"))
     rows = curves(only(tmp_path, 3))
     last = rows[4]
-    assert {f"loss/{name}" for name in (*STREAMS, "total", "flow", "const", "const_share", "const_weight")} <= set(last)
+    names = (*STREAMS, "total", "matching", "const", "const_share", "const_weight")
+    assert {f"loss/{name}" for name in names} <= set(last)
+    assert last["loss/matching"] == pytest.approx(sum(last[f"loss/{name}"] for name in STREAMS) / len(STREAMS))
     assert {"gate/mean", "gate/std", "grad_norm", "lr", "lr_const", "epoch", "norm/trained", "norm/const_maps"} <= set(
         last
     )
@@ -230,7 +232,8 @@ def test_curves_tell_losses_by_stream_and_noise_level_speed_and_memory(latents: 
     assert all(
         name in text for name in ("speed/clips_per_s", "speed/tokens_per_s", "speed/data_wait", "memory/peak_gb")
     )
-    assert last["loss/const_share"] == pytest.approx(last["loss/const_weight"] * last["loss/const"] / last["loss/flow"])
+    ratio = last["loss/const"] / last["loss/matching"]
+    assert last["loss/const_share"] == pytest.approx(last["loss/const_weight"] * ratio)
 
 
 def test_validations_keep_no_memory(latents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,7 +285,9 @@ def test_a_step_that_is_not_finite_is_not_taken_and_can_be_computed_again(
         return loss * (float("inf") if batch_idx == 5 and poison == "gradient" else 1.0)
 
     monkeypatch.setattr(Module, "training_step", poisoned)
-    with pytest.raises(ValueError, match=rf"the {poison} is not finite in optimiser step 1; .*replay=.*nan-1") as told:
+    with pytest.raises(
+        ValueError, match=rf"the {poison} is not finite in optimiser step 1, with clips clip.*; .*replay=.*nan-1"
+    ) as told:
         stages.run(config(tmp_path, latents))
     assert str(only(tmp_path)) in str(told.value)
     file = only(tmp_path) / "nan-1.safetensors"

@@ -4,6 +4,7 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -198,3 +199,12 @@ def test_ranks_share_the_stream() -> None:
     first, second = (list(Stream(keyed, 1, 4)) for keyed in ranks)
     together = [place for pair in zip(first, second, strict=True) for place in pair]
     assert together == list(Stream(KeyedSampler(range(10), seed=0, batch=1, effective_batch=4), 1, 4))
+
+
+def test_a_stage_that_does_not_fit_on_the_gpu_is_refused_before_it_begins(latents, tmp_path, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "get_device_properties", lambda index: SimpleNamespace(total_memory=2**20))
+    about = index.load(latents).about
+    with pytest.raises(ValueError, match=r"stage=2 needs .* GiB"):
+        stages.check_memory(config(tmp_path, latents, "trainer.accelerator=gpu"), 2, about)
+    stages.check_memory(config(tmp_path, latents), 2, about)  # on the CPU, memory is the system's affair

@@ -14,8 +14,13 @@ PARTS = {
     "step": "time of a training step by checkpointing and precision, attention, share of the machine's peak",
     "loader": "reading clips against encoding them, waiting for them, Lightning against a plain loop",
     "memory": "peak memory of a training step against its plan",
+    "skips": "what is saved by each computation that is left out where it is not needed",
+    "overfit": "a run of +debug=overfit: loss against the first one, sampled clips against the true ones",
+    "pareto": "time of a sampled clip against its error, by solver, steps, precision, guidance, attention, tiles",
 }
-"""Modules of this package with `rows(quick)`."""
+"""Modules of this package with `rows(quick)`; those of SAMPLED also take what is sampled from, and a folder."""
+SAMPLED = ("pareto", "overfit")
+"""Parts that need a trained run; `--quick` takes random weights."""
 FOLDER = Path("docs/benchmarks")
 
 
@@ -24,18 +29,33 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fracgen.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes, to see whether it runs")
     named = "; ".join(f"{name}: {about}" for name, about in PARTS.items())
-    parser.add_argument("names", metavar="NAME", nargs="*", help=f"what to measure (default: all): {named}")
+    parser.add_argument(
+        "--run", default="", metavar="FOLDER", help="for pareto and overfit: a training, as runs/stage2-ID"
+    )
+    parser.add_argument("--vae", default="", metavar="FOLDER", help="their VAE, of vae=tiny")
+    parser.add_argument("--clips", type=int, default=2, metavar="N", help="for pareto and overfit: clips to sample (2)")
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*", help=f"what to measure (default: all that is possible): {named}"
+    )
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"for the CSV files ({FOLDER})")
     options = parser.parse_args(argv)
     for name in options.names:
         if name not in PARTS:
             parser.error(f"NAME={name} is not known: choose from {', '.join(PARTS)}.")
+        if name in SAMPLED and not (options.run or options.quick):
+            parser.error(f"NAME={name} needs a trained network: give --run FOLDER and --vae FOLDER.")
+    options.names = options.names or [name for name in PARTS if name not in SAMPLED or options.run or options.quick]
     return options
 
 
-def measurement(name: str, quick: bool) -> "Iterator[Row]":
+def measurement(name: str, options: argparse.Namespace) -> "Iterator[Row]":
     """The rows of a part, one by one as they are measured."""
-    found: Iterator[Row] = import_module(f"fracgen.bench.{name}").rows(quick)
+    part, given = import_module(f"fracgen.bench.{name}"), []
+    if name in SAMPLED:
+        from fracgen.bench.field import Source
+
+        given = [Source(options.run, options.vae, options.clips), options.out]
+    found: Iterator[Row] = part.rows(options.quick, *given)
     return found
 
 
@@ -49,13 +69,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 132)
     console.print(", ".join(f"{name} {value}" for name, value in machine().items()), soft_wrap=True)
-    names = options.names or list(PARTS)
+    names = options.names
     for k, name in enumerate(names, 1):
         console.print(f"measuring {name} ({k} of {len(names)}) ...")
         rows: list[Row] = []
         with console.status(name) as status:
             try:
-                for row in measurement(name, options.quick):
+                for row in measurement(name, options):
                     status.update(f"{row.benchmark}: {row.variant}")
                     rows.append(row)
             except KeyboardInterrupt:

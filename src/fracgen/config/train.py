@@ -103,7 +103,7 @@ class Trainer:
     weight_decay: float = knob(0.01, "weight decay", least=0, most=1)
     clip: float = knob(1.0, "largest norm of the gradient; 0 = no limit", least=0)
     checkpointing: str = knob("full", "recompute activations in the backward pass: none, full, or selective, which "
-                              "keeps the outputs of attention", choices=("none", "full", "selective"))  # fmt: skip
+                              "keeps the outputs of self-attention", choices=("none", "full", "selective"))  # fmt: skip
     attention: str = knob("native", "back-end of attention, as diffusers names them: native, flash, _native_cudnn, ...")
     compile: bool = knob(False, "compile the blocks of the transformer")
     offload_blocks: int = knob(0, "blocks whose frozen weights wait in the memory of the host", least=0, most=1000)

@@ -1,7 +1,8 @@
 """A latent cache of random numbers, for tests and for measuring, without data set, VAE and encoders."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -17,21 +18,22 @@ OBJECTS = {"croissant": "train", "duck": "train", "bread": "test", "star": "test
 
 def write(
     folder: Path | str, clips: int = 8, streams: Sequence[str] = layout.STREAMS, frames: int = 9, size: int = 32,
-    text_dim: int = 64, image_dim: int = 0, seed: int = 0,
+    text_dim: int = 64, image_dim: int = 0, seed: int = 0, about: Mapping[str, Any] | None = None,
 ) -> Path:  # fmt: skip
     """Write a cache of `clips` clips of normal latents, `size` x `size` pixels, and return its folder.
 
     Half of the clips are of the split train. Two clips share a force, all of an object a caption of three words.
+    `about` has entries of cache.json that differ, as the identity of a VAE.
     """
     draw = generator(seed, "synthetic")
     picture = (layout.CHANNELS, size // layout.SPACE, size // layout.SPACE)
     video = (layout.CHANNELS, layout.latent_frames(frames), *picture[1:])
     wanted = layout.ordered(streams)
-    about = {"vae": "synthetic", "vae_dtype": "float32", "width": size, "height": size, "frames": frames,
+    made = {"vae": "synthetic", "vae_dtype": "float32", "width": size, "height": size, "frames": frames,
              "frame_select": "head", "fps": 100.0, "streams": list(wanted), "text": "synthetic", "text_dim": text_dim,
              "image": "synthetic" if image_dim else "", "dtype": "bfloat16",
-             "normalisation": {"version": 1, "percentile": 99.5}}  # fmt: skip
-    with CacheWriter(folder, about) as writer:
+             "normalisation": {"version": 1, "percentile": 99.5}, **(about or {})}  # fmt: skip
+    with CacheWriter(folder, made) as writer:
         for k in range(clips):
             name = list(OBJECTS)[k % len(OBJECTS)]
             force, image = f"force{k // 2}", f"image-{name}" if image_dim else None

@@ -1,7 +1,8 @@
 """Gradient checkpointing (Chen et al. 2016): activations of a block are recomputed in the backward pass, not kept.
 
-Every mode gives the same gradients. `selective` keeps the outputs of attention, which are most of the cost of a long
-clip and little of its memory.
+Every mode gives the same gradients. `selective` keeps the outputs of self-attention, which are most of the cost of a
+long clip and little of its memory. Those of cross-attention take as much memory and save next to nothing: caption and
+picture have 769 tokens, a clip of five streams of 512 x 512 pixels has 112,640.
 """
 
 from functools import partial
@@ -29,7 +30,8 @@ here. A back-end that ends in another one, as _native_math, which is many, is re
 
 
 def set_mode(transformer: FracTransformer, mode: str) -> None:
-    """Recompute nothing ("none"), whole blocks ("full"), or all but attention ("selective"); raises ValueError."""
+    """Recompute nothing ("none"), whole blocks ("full"), or all but self-attention ("selective"); raises
+    ValueError."""
     if mode not in MODES:
         raise ValueError(f"trainer.checkpointing={mode} is not allowed: it must be one of {', '.join(MODES)}.")
     if mode == "none":
@@ -48,4 +50,5 @@ def set_mode(transformer: FracTransformer, mode: str) -> None:
 def _policy(context: Any, operator: Any, *args: Any, **kwargs: Any) -> CheckpointPolicy:
     """What becomes of the output of an operator."""
     kept = isinstance(operator, torch._ops.OpOverload) and str(operator._schema.name) in ATTENTION
+    kept = kept and args[0].shape == args[1].shape  # query and key: of the same tokens, so this is self-attention
     return CheckpointPolicy.MUST_SAVE if kept else CheckpointPolicy.PREFER_RECOMPUTE

@@ -24,7 +24,7 @@ class Product(NamedTuple):
     """Equal products, `times` of them, and how many of the same size the backward pass has for each."""
 
     part: str
-    """linear or attention."""
+    """linear, attention, or cross: attention whose query and keys have different lengths."""
     place: str
     """block (computed again by checkpointing) or edge."""
     forward: float
@@ -60,15 +60,16 @@ class Flops:
 def flops(cfg: Model, size: Size, checkpointing: str) -> Flops:
     """Operations of a step of the transformer `cfg` on a batch of `size`; `checkpointing` is none, full or selective.
 
-    Selective checkpointing keeps the outputs of attention, so that only linear layers are computed again.
+    Selective checkpointing keeps the outputs of self-attention, so that linear layers and cross-attention are computed
+    again.
     """
     products = list(_edges(cfg, size))
     for block in range(cfg.layers):
         products += _block(cfg, size, input_grad=block > 0 or edge_grad(cfg))
-    again = {"none": (), "full": ("linear", "attention"), "selective": ("linear",)}[checkpointing]
+    again = {"none": (), "full": ("linear", "cross", "attention"), "selective": ("linear", "cross")}[checkpointing]
     return Flops(
         linear=sum(p.forward for p in products if p.part == "linear"),
-        attention=sum(p.forward for p in products if p.part == "attention"),
+        attention=sum(p.forward for p in products if p.part != "linear"),
         recompute=sum(p.forward for p in products if p.place == "block" and p.part in again),
         backward=sum(p.forward * p.backward for p in products),
     )
@@ -125,7 +126,8 @@ def _block(cfg: Model, size: Size, input_grad: bool) -> Iterator[Product]:
 
 def _attention(size: Size, dim: int, keys: int) -> Product:
     """Attention of all tokens to `keys` others: scores, and the weighted sum of values."""
-    return Product("attention", "block", 4.0 * size.batch * size.tokens * keys * dim, ATTENTION_BACKWARD)
+    part = "attention" if keys == size.tokens else "cross"
+    return Product(part, "block", 4.0 * size.batch * size.tokens * keys * dim, ATTENTION_BACKWARD)
 
 
 def _linear(cfg: Model, name: str, rows: int, inner: int, columns: int, input_grad: bool) -> Iterator[Product]:

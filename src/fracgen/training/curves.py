@@ -65,7 +65,8 @@ class Curves(Callback):
         if module.constitutive is not None:
             rates["lr_const"] = groups[-1]["lr"]
             rates["loss/const_weight"] = module.constitutive_weight(trainer.global_step - 1)
-            rates["loss/const_share"] = rates["loss/const_weight"] * self.shown["loss/const"] / self.shown["loss/flow"]
+            ratio = self.shown["loss/const"] / self.shown["loss/matching"]
+            rates["loss/const_share"] = rates["loss/const_weight"] * ratio
         epoch = trainer.global_step / self.steps_per_epoch
         return {**rates, "epoch": epoch, **norms(module), **self.clock.rates(module.device, trainer.world_size)}
 
@@ -90,7 +91,7 @@ class Curves(Callback):
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the means, and give back the memory that only the validation needed."""
         means = self.validation.means()
-        means["val/passes"] = self.validation.last["val/loss/flow"]
+        means["val/passes"] = self.validation.last["val/loss/matching"]
         if pl_module.device.type == "cuda":
             torch.cuda.empty_cache()
             means["memory/after_validation_gb"] = torch.cuda.memory_allocated(pl_module.device) / 1e9
@@ -162,7 +163,7 @@ class Departure(Callback):
 def add(meter: Meter, prefix: str, module: Module, losses: Losses) -> None:
     """Add the losses of a batch to a meter."""
     meter.add(f"{prefix}loss/total", losses.total)
-    meter.add(f"{prefix}loss/flow", losses.flow)
+    meter.add(f"{prefix}loss/matching", losses.flow)  # of flow matching; loss/flow is that of the stream
     for k, name in enumerate(module.streams):
         meter.add(f"{prefix}loss/{name}", losses.streams[:, k])
     if losses.constitutive is not None:

@@ -35,9 +35,11 @@ class Guard:
         totals = torch.stack([losses.total for _, losses in module.window])
         if bool(torch.isfinite(totals.sum() + module.gradient_norm)):
             return
-        file = save(self.folder, module, [b for b, _ in broken(module.window)])
+        batches = [b for b, _ in broken(module.window)]
+        file = save(self.folder, module, batches)
         what = "the loss" if not torch.isfinite(totals).all() else "the gradient"
-        raise ValueError(f"{what} is not finite in optimiser step {module.global_step}; the step was not taken. "
+        raise ValueError(f"{what} is not finite in optimiser step {module.global_step}, with clips "
+                         f"{', '.join(name for b in batches for name in b.ids)}; the step was not taken. "
                          f"`python -m fracgen.train replay={file}` computes it again and names the layer where it "
                          "begins; a smaller learning rate (stages), trainer.clip or trainer.precision=32-true may "
                          "help; the same command goes on from the last checkpoint.")  # fmt: skip

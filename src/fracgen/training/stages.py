@@ -3,13 +3,18 @@
 import logging
 import sys
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from lightning import Callback, Trainer
 from lightning.pytorch.strategies import DDPStrategy
 
 from fracgen import model
 from fracgen.config.train import TrainConfig
+from fracgen.config.train import Trainer as TrainerConfig
+from fracgen.memory import planner
 from fracgen.model import trained
 from fracgen.training import checkpoint, identity, loggers, mosaic, network, runs, schedule
 from fracgen.training.checkpoint import Restore
@@ -55,6 +60,7 @@ def train(cfg: TrainConfig, stage: int, parent: Path | None = None) -> Run:
         return this
     processes = count(cfg)
     accumulation = schedule.accumulation(cfg.trainer, processes // cfg.trainer.context_parallel)
+    check_memory(cfg, stage, data.cache.about)
     content = checkpoint.read(this)
     data.first, data.total = checkpoint.step_of(content), schedule.total_steps(recipe, data.steps_per_epoch)
     module = Module(cfg, recipe, network.build(cfg, tuple(recipe.streams)), data.total)
@@ -130,8 +136,22 @@ def count(cfg: TrainConfig) -> int:
     import torch
 
     t = cfg.trainer
-    gpu = t.accelerator == "gpu" or (t.accelerator == "auto" and torch.cuda.is_available())
-    return (t.devices or (torch.cuda.device_count() if gpu else 1)) * t.nodes
+    return (t.devices or (torch.cuda.device_count() if _on_cuda(t) else 1)) * t.nodes
+
+
+def check_memory(cfg: TrainConfig, stage: int, about: Mapping[str, Any]) -> None:
+    """Raise ValueError, naming the way out, when the clips of a cache that says `about` do not fit on a CUDA device."""
+    import torch
+
+    if _on_cuda(cfg.trainer):
+        there = torch.cuda.get_device_properties(0).total_memory
+        planner.check(replace(cfg, stage=stage), about, there)
+
+
+def _on_cuda(t: TrainerConfig) -> bool:
+    import torch
+
+    return t.accelerator in ("gpu", "auto") and torch.cuda.is_available()
 
 
 def _trainer(
