@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from fracsim import sidefiles
 from fracsim.scene.knob import describe
 from fracsim.scene.vocab import LABELS, Scene
 
@@ -51,7 +52,7 @@ def scene_id(scene: Scene) -> str:
 def scene_content(scene: Scene, asset_sha256: str | None = None) -> dict[str, Any]:
     """The content of the sample of a scene: dotted field -> value, without labels and fields at their pinned default.
 
-    asset.path counts by the content of the file: its sha256, which `asset_sha256` gives if it is known. Raises
+    asset.path counts by the content of its files: a sha256, which `asset_sha256` gives if it is known. Raises
     ValueError when the file cannot be read.
     """
     digest_of_object = asset_digest(scene) if asset_sha256 is None else asset_sha256
@@ -80,11 +81,19 @@ def field_of(section: Any, dotted: str) -> Any:
 
 
 def asset_digest(scene: Scene) -> str:
-    """sha256 of the object's file in hex, or "" for a built-in one; raises ValueError when it cannot be read."""
+    """sha256 of the object's files in hex, or "" for a built-in one; raises ValueError when it cannot be read.
+
+    Of one file its own sha256; with files that it refers to, the sha256 of those of all, in the order of the file.
+    """
     if scene.asset.kind == "builtin":
         return ""
     try:
-        return digest(Path(scene.asset.path).expanduser())
+        path = Path(scene.asset.path).expanduser()
+        files = [file for _, file in sidefiles.named(path)]
+        if not any(files):
+            return digest(path)
+        parts = [digest(path), *(digest(file) if file else "missing" for file in files)]
+        return hashlib.sha256(" ".join(parts).encode()).hexdigest()
     except OSError as error:
         raise ValueError(
             f"asset.path={scene.asset.path} cannot be read ({error.strerror}): set asset.path to a file that can."
