@@ -13,7 +13,7 @@ def folder() -> Path:
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fracsim"
     except RuntimeError:  # no HOME, and a user without an entry, as in some containers
-        return temporary()
+        return temporary() / "fracsim"
 
 
 def temporary() -> Path:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fracsim import sidefiles
-from fracsim.caching import folder
+from fracsim.caching import folder as folder
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset
 

@@ -20,6 +20,7 @@ from fracsim.solve.march import SimulationError
 from fracsim.solve.setup import Ready, ready
 from fracsim.solve.simulator import Simulator
 
+FIRST = "compiling kernels, this takes about a minute the first time"
 INTERRUPTED = "interrupted by the user"
 EXPECTED = (KeyboardInterrupt, ValueError, OSError, RuntimeError)
 """Errors that are an outcome of a run."""
@@ -31,11 +32,14 @@ def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
     Prints nothing. A bad scene, a full disk, an unstable simulation and Ctrl-C are outcomes, not errors;
     `outcome.sample()` raises for them.
     """
+    watch = watch or Watcher()
     try:
         existing = _existing(scene)
         if existing:
             return existing
         check_names(scene)
+        if backend.first_use():
+            watch.note(FIRST)
         backend.start(scene.backend)
         prepared = ready(scene)
         film = Film(scene)
@@ -44,7 +48,7 @@ def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
         return _stopped(error)
     try:
         with writer:
-            return _record(scene, prepared, film, writer, watch or Watcher())
+            return _record(scene, prepared, film, writer, watch)
     except EXPECTED as error:
         return _stopped(error, writer)
 
