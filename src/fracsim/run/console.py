@@ -68,8 +68,8 @@ def heading(number: int, overrides: Sequence[str]) -> None:
 def show(scene: Scene, outcome: Outcome) -> None:
     """Print what happened and where the sample lies; nothing when no frame was finished."""
     if outcome.status == "existing":
-        there = f"{escape(str(outcome.path))} is already there and whole; output.overwrite=true makes it again"
-        OUT.print(there, soft_wrap=True)
+        about = f", {outcome.reason}" if outcome.reason else "; output.overwrite=true makes it again"
+        OUT.print(f"{escape(f'{outcome.path} is already there and whole{about}')}", soft_wrap=True)
     elif outcome.report:
         _table(scene, outcome)
 

@@ -93,7 +93,9 @@ def _ending(attempt: Attempt) -> str:
         return f"failed, see {attempt.failure}"
     if outcome.status == "interrupted":
         return f"interrupted after {outcome.frames} frames"
-    return {"existing": "already there"}.get(outcome.status, outcome.status)
+    if outcome.status == "existing":
+        return f"already there, {outcome.reason}" if outcome.reason else "already there"
+    return outcome.status
 
 
 def _times(attempt: Attempt) -> str:

@@ -13,6 +13,7 @@ from fracsim.run.outcome import Outcome, health
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.run.watcher import Watcher
 from fracsim.sample import Writer, find, header_of, scene_id
+from fracsim.sample.origin import changes
 from fracsim.sample.schema import read_meta
 from fracsim.scene.knob import check_names
 from fracsim.scene.vocab import Scene
@@ -59,7 +60,7 @@ def _existing(scene: Scene) -> Outcome | None:
     if path is None or scene.output.overwrite:
         return None
     meta = read_meta(path)
-    return Outcome("existing", path, "", meta["report"], meta["seconds"], meta["frames"])
+    return Outcome("existing", path, changes(scene, meta), meta["report"], meta["seconds"], meta["frames"])
 
 
 def _stopped(error: BaseException, writer: Writer | None = None) -> Outcome:

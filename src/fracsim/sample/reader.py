@@ -266,7 +266,7 @@ def _mismatches(folder: Path, meta: Mapping[str, Any]) -> list[str]:
         problems.append(f"content is not that of {meta['id']}")
     if meta["producer"] == FRACSIM:
         scene = schema.load_scene(folder / schema.SCENE)
-        if scene_content(scene, content.get("asset.path", "")) != canonical(content):
+        if scene_content(scene, content) != canonical(content):
             problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
     return problems
 
