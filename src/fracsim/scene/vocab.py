@@ -216,7 +216,8 @@ class Capture:
     fps: float = knob(100.0, "frames per second of simulated time", "1/s", least=1.0, most=1e5)
     rgb: bool = knob(True, "render colour")
     maps: list[str] = knob(["flow", "strain", "stress", "damage"],
-                           "physics maps, modules of fracsim.maps or files ./MAP.py", package="fracsim.maps")  # fmt: skip
+                           "physics maps, modules of fracsim.maps or files ./MAP.py",
+                           package="fracsim.maps")  # fmt: skip
     tracks: int = knob(2048, "surface particles with stored image paths; 0 = none", least=0, most=1_000_000)
     strip: bool = knob(True, "write strip.mp4, all pictures side by side")
     report: bool = knob(True, "write report.png, curves of load, stretch, damage and substep")
