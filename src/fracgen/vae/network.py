@@ -67,7 +67,8 @@ def initialise(network: Any) -> None:
     """
     if isinstance(network, PatchVae):
         network.use(*smooth())
-        nn.init.constant_(network.get_parameter("quant_conv.bias")[CHANNELS:], LOG_VARIANCE)
+        posterior: Any = network.quant_conv
+        posterior.bias[CHANNELS:] = LOG_VARIANCE
         return
     convolutions: dict[str, Any] = {
         name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
