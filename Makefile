@@ -35,7 +35,7 @@ demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, sa
 
 DEMO := outputs/demo_gen
 demo-gen: $(VENV)/gen.stamp  ## simulate eight small clips, train a small generator on them for a minute, generate a film
-	$(RUN) fracsim +sweep=demo_gen
+	$(RUN) fracsim +sweep=demo_gen output.folder=$(DEMO)/clips
 	$(RUN) fracgen.train_vae data=$(DEMO)/clips output.folder=$(DEMO)/vae
 	$(RUN) fracgen.encode data=$(DEMO)/clips 'streams=[rgb,damage]' width=64 height=64 frames=33 vae=tiny vae.path=$(DEMO)/vae encoders=tiny output.folder=$(DEMO)/latents
 	$(RUN) fracgen.train +experiment=demo_gen

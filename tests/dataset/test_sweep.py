@@ -89,7 +89,7 @@ def test_each_ready_sweep_names_scenes(name: str) -> None:
     for job in (made[0], made[1], made[-1]):
         draws = re.findall(r"\d+", next((o for o in job if o.startswith("draw=")), ""))
         others = [o for o in of_user(job) if not o.startswith("draw=")]
-        for draw in (draws[0], draws[-1]) if draws else ("-1",):
+        for draw in dict.fromkeys((draws[0], draws[-1]) if draws else ("-1",)):
             scenes.append(compose(f"+sweep={name}", *others, f"draw={draw}"))
     assert {scene.material.law for scene in scenes} == {"fixed_corotated", "neo_hookean"}
     ids = [sample.scene_id(scene) for scene in scenes]

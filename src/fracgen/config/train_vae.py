@@ -27,7 +27,7 @@ class TrainVaeConfig:
     frames: int = knob(9, "frames of a training crop, 1 + 4 n", least=1, most=257)
     size: int = knob(64, "rows and columns of a training crop", "px", least=16, most=1024)
     batch: int = knob(8, "crops of a step", least=1, most=1024)
-    steps: int = knob(200, "optimiser steps", least=1)
+    steps: int = knob(100, "optimiser steps", least=1)
     lr: float = knob(
         3e-3, "learning rate after the warm-up; it falls to 0 along a cosine", least=0, open="least", most=1
     )

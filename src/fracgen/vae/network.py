@@ -67,8 +67,8 @@ def initialise(network: Any) -> None:
     """
     if isinstance(network, PatchVae):
         network.use(*smooth())
-        last: Any = network.quant_conv
-        nn.init.constant_(last.bias[CHANNELS:], LOG_VARIANCE)
+        posterior: Any = network.quant_conv
+        posterior.bias[CHANNELS:] = LOG_VARIANCE
         return
     convolutions: dict[str, Any] = {
         name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
