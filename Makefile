@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup demo test test-gpu check format golden bench verify stress studies figures clean
+.PHONY: help setup demo demo-gen test test-gpu check format golden bench verify stress studies figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -19,14 +19,28 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e .
 	@touch $@
 
+$(VENV)/gen.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "fracgen needs Python 3.11 or later: make clean, then make PYTHON=python3.12 ...")'
+	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[gen]'
+	@touch $@
+
 $(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[dev]'
-	@touch $@ $(VENV)/run.stamp
+	@touch $@ $(VENV)/run.stamp $(VENV)/gen.stamp
 
 setup: $(VENV)/dev.stamp  ## make .venv with everything that development needs
 
 demo: $(VENV)/run.stamp  ## install what fracsim needs, tear a loaf of bread, say where the film lies
 	$(RUN) fracsim capture.frames=40
+
+DEMO := outputs/demo_gen
+demo-gen: $(VENV)/gen.stamp  ## simulate eight small clips, train a small generator on them for a minute, generate a film
+	$(RUN) fracsim +sweep=demo_gen
+	$(RUN) fracgen.train_vae data=$(DEMO)/clips output.folder=$(DEMO)/vae
+	$(RUN) fracgen.encode data=$(DEMO)/clips 'streams=[rgb,damage]' width=64 height=64 frames=33 vae=tiny vae.path=$(DEMO)/vae encoders=tiny output.folder=$(DEMO)/latents
+	$(RUN) fracgen.train +experiment=demo_gen
+	$(RUN) fracgen.sample run=$$(ls -dt $(DEMO)/runs/stage1-* | head -n 1) data=$(DEMO)/clips split=train limit=2 sampler=preview vae=tiny vae.path=$(DEMO)/vae encoders=tiny output.folder=$(DEMO)/generated
+	@ls $(DEMO)/generated/*/strip.mp4 $(DEMO)/runs/*/losses.png $(DEMO)/vae/sheet.png
 
 test: $(VENV)/dev.stamp  ## all tests that take seconds
 	$(RUN) pytest -m "not gpu"

@@ -1,6 +1,7 @@
 """The command line in a process of its own, and scenes small enough for it."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,10 +25,10 @@ def start(*arguments: str, **options: Any) -> "subprocess.Popen[str]":
 
 
 def fracsim_command(*arguments: str, **options: Any) -> "subprocess.CompletedProcess[str]":
-    """`python -m fracsim ARGUMENTS`, run to its end."""
+    """`python -m fracsim ARGUMENTS`, run to its end; signs of life are left out of its stderr."""
     process = start(*arguments, **options)
     out, err = process.communicate(timeout=120)
-    return subprocess.CompletedProcess(arguments, process.returncode, out, err)
+    return subprocess.CompletedProcess(arguments, process.returncode, out, complaints(err))
 
 
 def python(code: str) -> str:
@@ -35,6 +36,11 @@ def python(code: str) -> str:
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def complaints(err: str) -> str:
+    """What stands on stderr besides signs of life, which come when the machine is busy or new."""
+    return "".join(line for line in err.splitlines(True) if not re.match(r"frame \d+ of |compiling kernels", line))
 
 
 def samples(folder: Path) -> list[Path]:

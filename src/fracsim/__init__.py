@@ -7,6 +7,11 @@ from typing import Any
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
+from fracsim import caching
+
+if not (os.environ.get("HOME") or os.environ.get("XDG_CACHE_HOME")):  # Taichi would end the process
+    os.environ["XDG_CACHE_HOME"] = str(caching.folder().parent)
+
 from fracsim.scene.vocab import Asset, Backend, Camera, Capture, Fracture, Loading, Material, Output, Scene, Solver
 from fracsim.version import __version__
 

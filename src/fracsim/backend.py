@@ -2,21 +2,32 @@
 
 import io
 import os
-from contextlib import redirect_stdout
+import time
+import warnings
+from contextlib import redirect_stdout, suppress
 from functools import cache
+from pathlib import Path
 from typing import Any
 
+from fracsim import caching
 from fracsim.scene.vocab import Backend
 
+MOST_THREADS = 1024
+"""Threads that kernels are compiled for: Taichi keeps kernels by this number, and runs them by those of its pool."""
+STALE = 60.0
+"""Age [s] from which a lock is of a killed process: the list of kernels is read and written in far less."""
 _started: Backend | None = None
+_forked = False
 
 
 def start(backend: Backend) -> None:
     """Start Taichi once a process; a second call for the same arch does nothing.
 
-    Raises RuntimeError if this machine lacks the backend, or if Taichi already runs on another arch.
+    Raises RuntimeError if this machine lacks the backend, if Taichi already runs on another arch, or if it ran in a
+    process that forked this one.
     """
     global _started
+    check_process()
     if _started is not None:
         if _started.arch != backend.arch:
             raise RuntimeError(
@@ -26,15 +37,65 @@ def start(backend: Backend) -> None:
     _require(backend.arch)
     import taichi as ti
 
+    folder = kernels()
+    _unlock(folder)
     with redirect_stdout(io.StringIO()):  # Taichi has no option that suppresses its greeting
         ti.init(
             arch=getattr(ti, backend.arch),
             default_fp=ti.f32,
             offline_cache=True,
+            offline_cache_file_path=str(folder),
             cpu_max_num_threads=threads(backend),
             log_level=ti.ERROR,
         )
+    if backend.arch == "cpu":  # the pool has its size by now: only the key of the kernels changes
+        ti.lang.impl.get_runtime().prog.config().cpu_max_num_threads = MOST_THREADS
     _started = backend
+
+
+def check_process() -> None:
+    """Raise RuntimeError in a process that was forked after Taichi had started: its threads are not here."""
+    if _forked:
+        raise RuntimeError(
+            "this process was forked from one in which fracsim had run, and would wait for ever for its threads: "
+            'start it by spawn, as multiprocessing.get_context("spawn").Process(...).'
+        )
+
+
+def _in_child() -> None:
+    global _forked
+    _forked = _started is not None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)
+
+
+def first_use() -> bool:
+    """Whether no kernels have been kept yet, so that the next run compiles all of its own."""
+    return _started is None and not any(kernels().glob("*.tic"))
+
+
+@cache
+def kernels() -> Path:
+    """The folder of compiled kernels; warns when it is a temporary one because the other cannot be written to."""
+    given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")  # Taichi's own name for it
+    folder = Path(given) if given else caching.folder() / "kernels"
+    if not caching.writable(folder):
+        other = caching.temporary() / "kernels"
+        warnings.warn(
+            f"{folder} cannot be written to: compiled kernels are kept in {other}. Set FRACSIM_CACHE.", stacklevel=2
+        )
+        return other
+    return folder
+
+
+def _unlock(folder: Path) -> None:
+    """Remove the lock of a killed process: with it Taichi would compile everything anew, in silence."""
+    for lock in folder.glob("*.lock"):
+        with suppress(OSError):
+            if time.time() - lock.stat().st_mtime > STALE:
+                lock.unlink()
 
 
 def threads(backend: Backend) -> int:

@@ -59,8 +59,9 @@ def test_the_key_follows_what_matters_and_nothing_else(ball):
     assert key() == key(opacity_threshold=0.5, max_particles=7, name="bear")
     others = [key(size=0.5), key(rotate_deg=[0.0, 0.0, 1.0]), key(interior="#ff0000"), key(spacing=0.02), key(seed=1)]
     assert len({key(), *others}) == 6
-    assert key(kind="builtin") != key(kind="builtin", name="bear")
-    assert key(kind="builtin", seed=0) != key(kind="builtin", seed=1)
+    built_in = {"kind": "builtin", "path": ""}
+    assert key(**built_in) != key(**built_in, name="bear")
+    assert key(**built_in, seed=0) != key(**built_in, seed=1)
 
 
 def test_the_key_follows_the_contents_of_the_file(ball, tmp_path):

@@ -8,7 +8,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from fracsim.asset import cache, mesh_file, obj, paint
+from fracsim import sidefiles
+from fracsim.asset import cache, mesh_file, paint
 from fracsim.scene.vocab import Asset
 
 from .meshes import BALL, prepared
@@ -117,7 +118,7 @@ def test_a_missing_or_broken_texture_is_said_and_leaves_the_colour(tmp_path, the
 def test_the_key_of_the_cache_follows_the_files_that_are_found(tmp_path):
     path = box(tmp_path, mtl="sub\\TOY.mtl", material="newmtl skin\nmap_Kd -s 2 2 2 D:\\a b.png\n")
     quarters(tmp_path / "a b.png")
-    assert obj.files(path) == [tmp_path / "toy.mtl", tmp_path / "a b.png"]
+    assert [file for _, file in sidefiles.named(path)] == [tmp_path / "toy.mtl", tmp_path / "a b.png"]
     before = cache.key(Asset(kind="mesh", path=str(path)), 0.02, 0)
     Image.new("RGB", (4, 4)).save(tmp_path / "a b.png")
     assert cache.key(Asset(kind="mesh", path=str(path)), 0.02, 0) != before

@@ -280,7 +280,7 @@ def test_the_command_takes_clips_of_a_cache_and_says_what_a_training_takes(tmp_p
 
 
 def test_the_command_ends_with_status_2_when_a_training_does_not_fit():
-    done = _command(*SMALL, "stage=2", "plan.memory=1.6", "plan.width=256", "plan.height=256")
+    done = _command(*SMALL, "stage=2", "plan.memory=2.1", "plan.width=256", "plan.height=256")
     assert done.returncode == 2
     assert "stage=2 needs" in done.stderr
     assert "the cheapest change that makes it fit is trainer.checkpointing=" in done.stderr

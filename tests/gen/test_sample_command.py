@@ -108,7 +108,12 @@ def line(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callab
 
     def call(*arguments: str) -> int:
         vae: Vae = sampling_run.VAE
-        sizes = [f"vae.base_dim={vae.base_dim}", "vae.dim_mult=[1,1,1,1]", f"vae.res_blocks={vae.res_blocks}"]
+        sizes = [
+            "vae.kind=wan",
+            f"vae.base_dim={vae.base_dim}",
+            "vae.dim_mult=[1,1,1,1]",
+            f"vae.res_blocks={vae.res_blocks}",
+        ]
         monkeypatch.setattr(sys, "argv", ["sample", f"run={place / 'stage3-b'}", "encoders=tiny", "vae=tiny", *sizes,
                                           f"output.folder={tmp_path}", *arguments])  # fmt: skip
         try:

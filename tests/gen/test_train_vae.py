@@ -14,7 +14,7 @@ import torch
 from fracgen import train_vae, vae
 from fracgen.config.model import Vae
 from fracgen.config.train_vae import TrainVaeConfig, VaeFolder
-from fracgen.vae import clips, fit, judge
+from fracgen.vae import clips, fit, judge, patches
 from fracsim import codec, dataset
 from tests.dataset import tiny
 
@@ -91,7 +91,8 @@ def test_pixels_beyond_white_and_black_keep_a_gradient() -> None:
         network.decoder.conv_out.bias.fill_(-5)
     cfg = TrainVaeConfig(kl=0, edges=0, vae=SIZES)
     fit.loss(network, torch.ones(1, 3, 5, 16, 16), cfg, 0).backward()  # type: ignore[no-untyped-call]
-    assert network.decoder.conv_out.bias.grad.tolist() == pytest.approx([-1 / 3] * 3)  # mean |error| over 3 channels
+    # The error is below -2 where black is taken for white; a channel's share of its mean square has 2 / 3 as slope.
+    assert float(network.decoder.conv_out.bias.grad.max()) < -2 * fit.PIXELS * 2 / 3
 
 
 def test_training_makes_the_error_smaller() -> None:
@@ -104,6 +105,17 @@ def test_training_makes_the_error_smaller() -> None:
     before = float(fit.loss(network, crops, cfg, 0).detach())
     assert list(fit.steps(cfg, network, videos, fit.optimiser(cfg, network), range(30))) == list(range(30))
     assert float(fit.loss(network, crops, cfg, 0).detach()) < before / 2
+
+
+def test_a_patch_vae_starts_from_the_principal_components_of_the_clips(data: Path, tmp_path: Path) -> None:
+    """After one step of no length it is the linear codec of patches of random crops."""
+    sizes = Vae(kind="patch", base_dim=8, res_blocks=1)
+    videos = clips.load(str(data), 3)
+    cfg = config(data, tmp_path, steps=1, warmup=1, lr=1e-12, vae=sizes)
+    trained, expected = fit.train(cfg, vae.build(sizes), videos), vae.build(sizes)
+    expected.use(*patches.principal(fit.sample_patches(cfg, videos)))
+    for name in ("encoder.linear.weight", "decoder.linear.weight", "decoder.linear.bias"):
+        torch.testing.assert_close(trained.state_dict()[name], expected.state_dict()[name])
 
 
 def test_a_training_that_was_cut_off_gives_the_weights_of_one_that_was_not(

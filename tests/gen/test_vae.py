@@ -12,17 +12,32 @@ from torch import Tensor
 
 from fracgen import vae, weights
 from fracgen.config.model import Vae
-from fracgen.vae import names
+from fracgen.vae import names, patches
 from fracgen.vae import network as networks
 
 TINY = Vae(base_dim=8, dim_mult=[1, 2, 2, 2], res_blocks=1)
+PATCH = Vae(kind="patch", base_dim=8, res_blocks=1)
 REFERENCE = Path(__file__).parents[1] / "reference" / "wan_vae_keys.json"
 """Names and shapes of all tensors of Wan2.1_VAE.pth."""
 
 
+@pytest.fixture(scope="module", params=["wan", "patch"])
+def sizes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Vae:
+    """Of both kinds; the convolutions of a patch VAE add nothing at first, so that here they have been changed."""
+    if request.param == "wan":
+        return TINY
+    network, folder = vae.build(PATCH), tmp_path_factory.mktemp("patch")
+    with torch.random.fork_rng(), torch.no_grad():
+        torch.manual_seed(5)
+        for half in (network.encoder, network.decoder):
+            torch.nn.init.normal_(half.trunk.conv_out.weight, std=0.2)
+    network.save_pretrained(folder)
+    return replace(PATCH, path=str(folder))
+
+
 @pytest.fixture(scope="module")
-def frozen() -> vae.FrozenVae:
-    return vae.load(TINY)
+def frozen(sizes: Vae) -> vae.FrozenVae:
+    return vae.load(sizes)
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +211,7 @@ def test_other_videos_are_refused(frozen: vae.FrozenVae, bad: Tensor, message: s
         frozen.encode(bad)
 
 
-def test_tiles_change_the_picture_near_seams_only(frozen: vae.FrozenVae) -> None:
+def test_tiles_change_the_picture_near_seams_only(frozen: vae.FrozenVae, sizes: Vae) -> None:
     """Random latents are the hardest case: a smooth one differs less across a tile's edge.
 
     A tile sees no latent beyond its edge, so the error decays with the distance from it. The blend gives a tile's edge
@@ -204,21 +219,21 @@ def test_tiles_change_the_picture_near_seams_only(frozen: vae.FrozenVae) -> None
     sqrt(2) of their deviation. The corner of the first tile that no blend reaches sees only far edges.
     """
     latent = torch.randn(1, 16, 2, 8, 8, generator=torch.Generator().manual_seed(2))
-    whole, tiled = frozen.decode(latent), vae.load(replace(TINY, tile=32)).decode(latent)
+    whole, tiled = frozen.decode(latent), vae.load(replace(sizes, tile=32)).decode(latent)
     error = (whole - tiled).square().mean(dim=(0, 1, 2)).sqrt()
     assert tiled.shape == whole.shape
     assert float(error.max()) > 0
     assert float(error.square().mean().sqrt()) < 0.5 * 2**0.5 * float(whole.std())
 
 
-def test_encoding_never_uses_tiles(frozen: vae.FrozenVae) -> None:
+def test_encoding_never_uses_tiles(frozen: vae.FrozenVae, sizes: Vae) -> None:
     clip = video(5, 64, 64)
-    assert torch.equal(vae.load(replace(TINY, tile=32)).encode(clip), frozen.encode(clip))
+    assert torch.equal(vae.load(replace(sizes, tile=32)).encode(clip), frozen.encode(clip))
 
 
-def test_half_precision_gives_the_latent_to_its_own_accuracy(frozen: vae.FrozenVae) -> None:
+def test_half_precision_gives_the_latent_to_its_own_accuracy(frozen: vae.FrozenVae, sizes: Vae) -> None:
     """bfloat16 has 8 significant bits; over some 40 roundings in a row the error stays below 40 / 256 of the size."""
-    exact, half = frozen.encode(video(5)), vae.load(replace(TINY, dtype="bfloat16")).encode(video(5))
+    exact, half = frozen.encode(video(5)), vae.load(replace(sizes, dtype="bfloat16")).encode(video(5))
     assert half.dtype == torch.float32
     assert 0 < float((half - exact).square().mean().sqrt()) < 40 / 256 * float(exact.std())
 
@@ -228,6 +243,53 @@ def test_random_weights_let_the_input_through(frozen: vae.FrozenVae) -> None:
     black, white = (frozen.encode(torch.full((1, 3, 5, 32, 32), value)) for value in (0.0, 1.0))
     assert 0.1 < float(white.std()) < 10
     assert float((black - white).abs().mean()) > 0.1
+
+
+def test_a_patch_is_cut_and_joined_without_loss() -> None:
+    """A patch holds 4 frames x 8 x 8 pixels of 3 colours, colour by colour; a frame alone stands still for four."""
+    clip = video(8, 16, 24)
+    cut = patches.cut(clip)
+    assert cut.shape == (1, 768, 2, 2, 3)
+    assert torch.equal(patches.join(cut), clip)
+    assert torch.equal(cut[0, :, 1, 0, 2], clip[0, :, 4:, :8, 16:].reshape(-1))
+    assert torch.equal(patches.join(patches.cut(clip[:, :, :1])), clip[:, :, :1].expand(-1, -1, 4, -1, -1))
+
+
+def test_a_patch_vae_is_the_best_linear_codec_at_first() -> None:
+    """By Eckart and Young, no 16 numbers a patch leave less of its variance than the rest of its eigenvalues.
+
+    The patches of the clip are what it is made for, so that it leaves exactly these.
+    """
+    clip = video(201, 16, 32) ** 3
+    rest = torch.cat([patches.cut(2 * part - 1) for part in (clip[:, :, :1], clip[:, :, 1:])], dim=2)
+    rows = rest.transpose(0, 1).flatten(1).T
+    mean, components, deviations = patches.principal(rows)
+    network = vae.build(PATCH)
+    network.use(mean, components, deviations)
+    latent = network.encode(2 * clip - 1).latent_dist.mode()
+    decoded = patches.join(network.decoder.linear(latent))
+    cut = patches.cut(decoded).transpose(0, 1).flatten(1).T
+    lost = (cut - rows).square().sum(dim=1).mean()
+    values = torch.linalg.svdvals((rows - rows.mean(dim=0)).double()).square() / len(rows)
+    assert float(lost) == pytest.approx(float(values[16:].sum()), rel=1e-4)
+    torch.testing.assert_close(latent.std(dim=(0, 2, 3, 4), correction=0), torch.ones(16), atol=1e-3, rtol=0)
+
+
+def test_a_patch_vae_without_data_shows_smooth_pictures() -> None:
+    """A picture whose brightness is linear in the place is shown to 1 % of its range, since the components of
+    smooth fields are nearly cosines, of which the first four are kept along an axis."""
+    rows, columns = torch.meshgrid(torch.linspace(0, 1, 32), torch.linspace(0, 1, 32), indexing="ij")
+    clip = (0.5 * rows + 0.5 * columns).expand(1, 3, 5, 32, 32).contiguous()
+    one = vae.load(PATCH)
+    assert float((one.decode(one.encode(clip)) - clip).square().mean().sqrt()) < 0.01
+
+
+def test_the_other_kind_of_vae_is_refused_by_name(sizes: Vae, diffusers: Path) -> None:
+    with pytest.raises(ValueError, match=r"holds a VAE of another kind: set vae.kind=wan and its sizes"):
+        vae.load(replace(PATCH, path=str(diffusers)))
+    if sizes.kind == "patch":
+        with pytest.raises(ValueError, match=r"holds a VAE of another kind: set vae.kind=patch and its sizes"):
+            vae.load(replace(TINY, path=sizes.path))
 
 
 def test_random_weights_leave_the_random_state_alone() -> None:

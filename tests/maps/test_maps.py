@@ -1,7 +1,6 @@
 """Physics maps, each against its defining equation."""
 
-from types import ModuleType, SimpleNamespace
-from typing import cast
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,15 +125,14 @@ def test_flow_is_right_and_up_in_the_picture() -> None:
     assert (flow.quantity(frame(eye, v=v), side) == [[0, 0], [0, 1], [-1, 0]]).all()
 
 
-def test_a_map_that_is_not_one_is_named() -> None:
+def test_a_map_that_is_not_one_is_named(tmp_path: Path) -> None:
     """A module without CHANNELS, and a quantity of shape (N,), would fail later in words of NumPy."""
-    half = SimpleNamespace(UNIT="1", LABEL="heat", SCALE=None, quantity=lambda frame, axes: frame.d)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fracsim.registry.load", lambda *_: half)
-        with pytest.raises(ValueError, match=r"capture\.maps=heat: fracsim/maps/heat\.py lacks CHANNELS"):
-            maps.load("heat")
-    half.CHANNELS = 1
+    file = tmp_path / "heat.py"
+    half = 'UNIT, LABEL, SCALE = "1", "heat", None\ndef quantity(frame, camera_axes):\n    return frame.d\n'
+    file.write_text(half)
+    with pytest.raises(ValueError, match=r"capture\.maps=.*heat\.py lacks CHANNELS"):
+        maps.load(str(file))
+    file.write_text(f"CHANNELS = 1\n{half}")
     still = frame(np.tile(np.eye(3), (3, 1, 1)), d=np.zeros(3))
-    module = cast(ModuleType, half)
-    with pytest.raises(ValueError, match=r"capture\.maps=heat: .* returns shape \(3,\), expected \(3, 1\)"):
-        maps.values("heat", module, still, FRONT)
+    with pytest.raises(ValueError, match=r"heat\.py returns shape \(3,\), expected \(3, 1\)"):
+        maps.values("heat", maps.load(str(file)), still, FRONT)

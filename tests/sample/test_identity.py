@@ -1,6 +1,8 @@
 """The id names a scene: the same for what is the same, another for what is not."""
 
+import hashlib
 import json
+import struct
 import subprocess
 import sys
 from dataclasses import dataclass, field, replace
@@ -149,3 +151,49 @@ def test_neither_samples_nor_maps_load_taichi_or_matplotlib() -> None:
     )
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
+
+
+def linked(folder: Path, name: str) -> tuple[Scene, list[Path]]:
+    """A scene of a mesh with files beside it, named as their writers do, and these files."""
+    folder.mkdir()
+    texts = {
+        "a.gltf": json.dumps({"buffers": [{"uri": "data%20file.bin"}], "images": [{"uri": "sub\\skin.png"}]}),
+        "a.obj": "mtllib C:\\toys\\A B.mtl\nv 0 0 0\n",
+        "a.ply": "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 0\nend_header\n",
+    }
+    beside = {"a.gltf": ["data file.bin", "sub/skin.png"], "a.obj": ["a b.mtl", "skin.png"], "a.ply": ["skin.png"]}
+    document = json.dumps({"images": [{"uri": "skin.png"}]}).encode()
+    (folder / "a.glb").write_bytes(b"glTF" + struct.pack("<IIII", 2, 0, len(document), 0x4E4F534A) + document)
+    (folder / "sub").mkdir()
+    for file, content in texts.items():
+        (folder / file).write_text(content)
+    files = [folder / file for file in beside.get(name, ["skin.png"])]
+    for file in files:
+        file.write_text("newmtl m\nmap_Kd -s 1 1 1 skin.png\n" if file.suffix == ".mtl" else "one")
+    return Scene(asset=Asset(kind="mesh", path=str(folder / name))), files
+
+
+@pytest.mark.parametrize("name", ["a.gltf", "a.glb", "a.obj", "a.ply"])
+def test_an_object_counts_by_the_files_that_it_refers_to(name: str, tmp_path: Path) -> None:
+    """Buffers, pictures, material files and textures: another content, or none, is another object."""
+    scene, files = linked(tmp_path / "one", name)
+    copy, _ = linked(tmp_path / "two", name)
+    before = scene_id(scene)
+    assert before == scene_id(copy)
+    seen = {before}
+    for file in files:
+        content = file.read_text()
+        file.write_text(content + "\n# more")
+        seen.add(scene_id(scene))
+        file.unlink()
+        seen.add(scene_id(scene))
+        file.write_text(content)
+    assert len(seen) == 1 + 2 * len(files)
+
+
+def test_an_object_of_one_file_keeps_its_id(tmp_path: Path) -> None:
+    """Its content is the sha256 of the file, as before; so it is where no file that it refers to is there."""
+    for content in (b"v 0 0 0\n", b"mtllib lost.mtl\nv 0 0 0\n"):
+        (tmp_path / "a.obj").write_bytes(content)
+        scene = Scene(asset=Asset(kind="mesh", path=str(tmp_path / "a.obj")))
+        assert scene_content(scene)["asset.path"] == hashlib.sha256(content).hexdigest()

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fracsim import Scene, sample
+from fracsim.sample import notebook
 from fracsim.sample.__main__ import main
 
 from .recording import FRAMES, Clip
@@ -149,3 +150,16 @@ def test_verify_on_the_command_line(scene: Scene, record: Record, capsys: pytest
     (path / "tracks.npz").unlink()
     assert main(["verify", str(path), str(path.parent)]) == 1
     assert "tracks.npz is missing" in capsys.readouterr().out
+
+
+def test_a_notebook_shows_the_film(tmp_path: Path) -> None:
+    """Its bytes are part of the page; a film that is lost or too large is left out."""
+    film = tmp_path / "strip.mp4"
+    film.write_bytes(b"film")
+    assert notebook.html("1 < 2", film) == (
+        '<pre>1 &lt; 2</pre><video src="data:video/mp4;base64,ZmlsbQ==" controls loop muted '
+        'style="max-width: 100%"></video>'
+    )
+    with film.open("wb") as file:
+        file.truncate(notebook.MOST_BYTES + 1)
+    assert notebook.html("x", film) == "<pre>x</pre>" == notebook.html("x", tmp_path / "lost.mp4")

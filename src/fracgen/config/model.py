@@ -56,8 +56,11 @@ class Vae:
 
     path: str = knob("", "folder or file of its weights, in released or diffusers layout; empty = random weights")
     hub: bool = knob(False, "path is a name on the hub, to be downloaded if need be")
-    base_dim: int = knob(96, "channels at full resolution", least=4, most=1024)
-    dim_mult: list[int] = knob([1, 2, 4, 4], "channels at each of the four resolutions, times base_dim", least=1)
+    kind: str = knob("wan", "wan: that of Wan2.1; patch: a cheap one with the same latents, which codes patches of 4 x "
+                     "8 x 8 pixels", choices=("wan", "patch"))  # fmt: skip
+    base_dim: int = knob(96, "channels at full resolution (kind=patch: of all layers)", least=4, most=1024)
+    dim_mult: list[int] = knob([1, 2, 4, 4], "channels at each of the four resolutions, times base_dim (kind=wan)",
+                               least=1)  # fmt: skip
     res_blocks: int = knob(2, "residual blocks at each resolution", least=1, most=16)
     tile: int = knob(0, "edge of tiles that are decoded one by one, to save memory; 0 = no tiles", "px", least=0)
     dtype: str = knob("float32", "floating-point type", choices=("float32", "bfloat16", "float16"))

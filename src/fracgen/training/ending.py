@@ -13,6 +13,7 @@ from torch import Tensor
 
 from fracgen.conditioning import SCALARS
 from fracgen.model import trained
+from fracgen.training import plots
 from fracgen.training.curves import Curves
 from fracgen.training.ema import Ema
 from fracgen.training.module import Module
@@ -55,6 +56,7 @@ class Ending(Callback):
             trained.save(self.run.folder / TRAINED, self._weights(pl_module), self._about(pl_module))
             facts = {"stage": self.run.stage, "id": self.run.id, "steps": trainer.global_step, "parent": self.parent,
                      "seconds": round(time.monotonic() - self._start, 1), **self.curves.shown}  # fmt: skip
+            plots.losses(self.run.folder)
             self.run.finish(facts)
         trainer.strategy.barrier("finished")
 

@@ -44,7 +44,7 @@ def build(cfg: TrainConfig, data: StageData, folder: Path) -> "Mosaic | None":
     clips = data.val_clips[: cfg.logger.videos] if cfg.trainer.val_steps else []
     if not clips:
         return None
-    if not cfg.vae.path and cfg.vae.base_dim > LARGE_VAE:
+    if not cfg.vae.path and cfg.vae.kind == "wan" and cfg.vae.base_dim > LARGE_VAE:
         print("no videos of the validation: vae.path is not set (logger.videos=0 silences this)", file=sys.stderr)
         return None
     decoder = vae.load(cfg.vae)

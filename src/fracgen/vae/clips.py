@@ -70,7 +70,7 @@ def tensor(video: Array) -> Tensor:
     return torch.from_numpy(video.copy()).permute(3, 0, 1, 2)[None].float() / 255
 
 
-def crops(clips: Sequence[Videos], shape: tuple[int, int, int, int], *key: int) -> Tensor:
+def crops(clips: Sequence[Videos], shape: tuple[int, int, int, int], *key: int | str) -> Tensor:
     """Random crops [B, 3, F, S, S] in [0, 1], drawn by `key`; `shape` is (B, F, S, S).
 
     Clips are equally likely, and streams. Raises ValueError for a clip that is smaller than a crop.
@@ -79,7 +79,7 @@ def crops(clips: Sequence[Videos], shape: tuple[int, int, int, int], *key: int) 
     return torch.cat([tensor(_crop(clips, box, *key, k)) for k in range(count)])
 
 
-def _crop(clips: Sequence[Videos], box: Sequence[int], *key: int) -> Array:
+def _crop(clips: Sequence[Videos], box: Sequence[int], *key: int | str) -> Array:
     """One crop (F, S, S, 3)."""
     clip = clips[int(draws.uniform(*key, "clip") * len(clips))]
     names = list(clip.streams)

@@ -2,22 +2,31 @@
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor, nn
 
 from fracgen import draws
 from fracgen.config.train_vae import TrainVaeConfig
 from fracgen.vae import clips
-from fracsim.dataset import progress
+from fracgen.vae.patches import PatchVae, cut, principal
 
 CHECKPOINT = "last.pt"
+CROPS = 96
+"""Crops from which principal components are computed."""
 CLIP = 1.0
 """Largest norm of the gradient."""
+PIXELS = 4.0
+"""Weight of the squared error of pixels, which the PSNR measures."""
+SLOW = 0.05
+"""Learning rate of the linear codec of `patches`, as a part of that of the other weights."""
 BETAS = (0.9, 0.99)
 """Decay of Adam's averages: a short training forgets early gradients soon."""
 
@@ -27,6 +36,8 @@ def train(cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos]) -> 
 
     Raises ValueError for a checkpoint of another configuration.
     """
+    if isinstance(network, PatchVae):
+        network.use(*principal(sample_patches(cfg, videos)))
     made = optimiser(cfg, network)
     file = Path(cfg.output.folder).expanduser() / CHECKPOINT
     first = _resume(file, cfg, network, made)
@@ -36,9 +47,21 @@ def train(cfg: TrainVaeConfig, network: Any, videos: Sequence[clips.Videos]) -> 
     return network.eval()
 
 
+def sample_patches(cfg: TrainVaeConfig, videos: Sequence[clips.Videos]) -> Tensor:
+    """Patches [n, 768] in [-1, 1] of random crops, the first frame of a crop being one of its own."""
+    shape = (1, cfg.frames, cfg.size, cfg.size)
+    crops = (2 * clips.crops(videos, shape, cfg.seed, k, "principal") - 1 for k in range(CROPS))
+    parts = [cut(half) for crop in crops for half in (crop[:, :, :1], crop[:, :, 1:]) if half.shape[2]]
+    return torch.cat([part.transpose(0, 1).flatten(1).T for part in parts])
+
+
 def optimiser(cfg: TrainVaeConfig, network: nn.Module) -> torch.optim.Optimizer:
-    """AdamW without decay over all weights of `network`."""
-    return torch.optim.AdamW(network.train().requires_grad_(True).parameters(), lr=cfg.lr, betas=BETAS, weight_decay=0)
+    """AdamW without decay over all weights of `network`; the linear codec, which is good at once, changes slowly."""
+    network.train().requires_grad_(True)
+    parts = {name: [p for key, p in network.named_parameters() if (".linear." in key) == (name == "linear")]
+             for name in ("linear", "others")}  # fmt: skip
+    groups = [{"params": found, "part": SLOW if name == "linear" else 1.0} for name, found in parts.items() if found]
+    return torch.optim.AdamW(groups, lr=cfg.lr, betas=BETAS, weight_decay=0)
 
 
 def steps(
@@ -46,8 +69,9 @@ def steps(
 ) -> Iterator[int]:
     """Take the optimiser steps `numbers`, giving the number of each when it is done; raises ValueError at infinity."""
     shape = (cfg.batch, cfg.frames, cfg.size, cfg.size)
-    for step in progress.shown(numbers, len(numbers), "train"):
-        made.param_groups[0]["lr"] = cfg.lr * schedule(step, cfg)
+    for step, show in shown(numbers):
+        for group in made.param_groups:
+            group["lr"] = cfg.lr * schedule(step, cfg) * group["part"]
         value = loss(network, clips.crops(videos, shape, cfg.seed, step), cfg, step)
         made.zero_grad(set_to_none=True)
         value.backward()  # type: ignore[no-untyped-call]
@@ -56,7 +80,19 @@ def steps(
             raise ValueError(f"the gradient is not finite at step {step}: lower lr={cfg.lr:g}, or raise warmup="
                              f"{cfg.warmup}, and set output.overwrite=true.")  # fmt: skip
         made.step()
+        show(float(value.detach()))
         yield step
+
+
+def shown(numbers: range) -> Iterator[tuple[int, Callable[[float], None]]]:
+    """Each number with a function that takes its loss, and a bar with the last loss and the time left in a terminal."""
+    columns = (TextColumn("train"), BarColumn(16), MofNCompleteColumn(), TimeRemainingColumn(),
+               TextColumn("left  loss {task.fields[loss]}"))  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("train", total=len(numbers), loss="")
+        for number in numbers:
+            yield number, lambda loss: bar.update(task, loss=f"{loss:.4f}")
+            bar.advance(task)
 
 
 def schedule(step: int, cfg: TrainVaeConfig) -> float:
@@ -67,14 +103,14 @@ def schedule(step: int, cfg: TrainVaeConfig) -> float:
 
 
 def loss(network: Any, crops: Tensor, cfg: TrainVaeConfig, step: int) -> Tensor:
-    """The loss of crops [B, 3, F, S, S] in [0, 1]: mean absolute error of pixels and of edges, and the divergence."""
+    """The loss of crops [B, 3, F, S, S] in [0, 1]: squared error of pixels, absolute error of edges, divergence."""
     pixels = (2 * crops - 1).to(network.device)
     posterior = network.encode(pixels).latent_dist
     noise = draws.normal(tuple(posterior.mean.shape), cfg.seed, step, "posterior").to(pixels)
     error = decode(network, posterior.mean + posterior.std * noise) - pixels
     edges = sum((error.diff(dim=axis).abs().mean() for axis in (-1, -2)), torch.zeros_like(error.sum()))
     divergence = posterior.kl().sum() / noise.numel()
-    out: Tensor = error.abs().mean() + cfg.edges * edges + cfg.kl * divergence
+    out: Tensor = PIXELS * error.square().mean() + cfg.edges * edges + cfg.kl * divergence
     return out
 
 

@@ -1,4 +1,4 @@
-"""diffusers' AutoencoderKLWan with the sizes and the weights of a configuration."""
+"""diffusers' AutoencoderKLWan, or the VAE of patches, with the sizes and the weights of a configuration."""
 
 import json
 from collections.abc import Mapping
@@ -13,11 +13,14 @@ from fracgen import weights
 from fracgen.config.model import Vae
 from fracgen.layout import CHANNELS
 from fracgen.vae import names
+from fracgen.vae.patches import PatchVae, smooth
 
 FILE = "Wan2.1_VAE.pth"
 """Name of the released file."""
 SIZES = {"base_dim": "base_dim", "dim_mult": "dim_mult", "res_blocks": "num_res_blocks"}
 """Sizes by the names of `Vae` and of diffusers."""
+CLASSES: dict[str, Any] = {"wan": AutoencoderKLWan, "patch": PatchVae}
+"""By `Vae.kind`."""
 STATISTICS = ("latents_mean", "latents_std")
 """Mean and standard deviation of the 16 channels of a latent, in diffusers' config."""
 
@@ -29,7 +32,7 @@ NEIGHBOURS = 0.3
 
 
 def build(cfg: Vae) -> Any:
-    """An AutoencoderKLWan in evaluation mode, float32, on the CPU.
+    """An AutoencoderKLWan, of the class that `cfg.kind` names, in evaluation mode, float32, on the CPU.
 
     Its weights are those at `cfg.path`, or random by `cfg.seed`. Raises ValueError for weights that are not there or do
     not fit `cfg`.
@@ -51,19 +54,22 @@ def build(cfg: Vae) -> Any:
 
 def _network(cfg: Vae, statistics: Mapping[str, list[float]]) -> Any:
     sizes = {theirs: getattr(cfg, ours) for ours, theirs in SIZES.items()}
-    return AutoencoderKLWan(  # type: ignore[no-untyped-call]
-        z_dim=CHANNELS, temperal_downsample=[False, True, True], **sizes, **statistics
-    )
+    return CLASSES[cfg.kind](z_dim=CHANNELS, temperal_downsample=[False, True, True], **sizes, **statistics)
 
 
 @torch.no_grad()
-def initialise(network: nn.Module) -> None:
+def initialise(network: Any) -> None:
     """Random weights that let the input through: at first, every convolution rotates the channels of its own pixel.
 
     With usual weights a signal passes 14 random matrices in a row, which leave little of it but one direction; a
     training of minutes does not repair that. What a convolution adds from neighbouring pixels starts small, what a
-    residual block adds starts at 0.
+    residual block adds starts at 0. A PatchVae becomes a linear codec of smooth pictures instead.
     """
+    if isinstance(network, PatchVae):
+        network.use(*smooth())
+        last: Any = network.quant_conv
+        nn.init.constant_(last.bias[CHANNELS:], LOG_VARIANCE)
+        return
     convolutions: dict[str, Any] = {
         name: module for name, module in network.named_modules() if isinstance(module, (nn.Conv2d, nn.Conv3d))
     }
@@ -115,6 +121,10 @@ def find(cfg: Vae) -> tuple[Path, dict[str, Any]]:
 
 def _check(cfg: Vae, config: Mapping[str, Any], folder: Path) -> None:
     """Raise ValueError for a config of diffusers with other sizes than `cfg`, or of another kind of VAE."""
+    kind = next((kind for kind, made in CLASSES.items() if made.__name__ == config.get("_class_name")), cfg.kind)
+    if kind != cfg.kind:
+        raise ValueError(f"vae.path={cfg.path} holds a VAE of another kind: set vae.kind={kind} and its sizes, as "
+                         f"{folder / 'config.json'} gives them.")  # fmt: skip
     other = {ours: config[theirs] for ours, theirs in SIZES.items() if config.get(theirs, getattr(cfg, ours)) !=
              getattr(cfg, ours)}  # fmt: skip
     if other:
@@ -129,6 +139,8 @@ def _check(cfg: Vae, config: Mapping[str, Any], folder: Path) -> None:
 
 def of_diffusers(tensors: Mapping[str, Tensor], network: nn.Module, cfg: Vae) -> dict[str, Tensor]:
     """`tensors` by diffusers' names, whichever names they have (no name is in both layouts); unknown names stay."""
+    if cfg.kind != "wan":
+        return dict(tensors)
     ours = names.table(network.state_dict(), cfg.res_blocks)
     return {ours.get(name, name): value for name, value in tensors.items()}
 

@@ -1,6 +1,6 @@
 """Prepared objects on disk: an object is filled once and shared by all runs that use it.
 
-The folder is $FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim. The key is a hash of all inputs
+The folder is that of `fracsim.caching`. The key is a hash of all inputs
 of the particles, the sources of this package included. The files may be deleted at any time.
 """
 
@@ -13,11 +13,11 @@ import warnings
 import zipfile
 from dataclasses import fields
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 
-from fracsim.asset import obj
+from fracsim import sidefiles
+from fracsim.caching import folder as folder
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset
 
@@ -29,21 +29,14 @@ USED = {
 """The fields of Asset that determine the particles of each kind, together with the contents of asset.path."""
 
 
-def folder() -> Path:
-    """The folder of prepared objects."""
-    given = os.environ.get("FRACSIM_CACHE")
-    if given:
-        return Path(given).expanduser()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fracsim"
-
-
 def key(asset: Asset, spacing: float, seed: int) -> str:
     """The sha256, in hex, of all inputs of the particles of an object."""
     inputs = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
     digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode())
     files = sorted(Path(__file__).parent.rglob("*.py"))
     if asset.kind != "builtin":
-        files += files_of(Path(asset.path))
+        path = Path(asset.path)
+        files += [path, *sorted(file for _, file in sidefiles.named(path) if file is not None)]
     for file in files:
         with file.open("rb") as stream:
             content = hashlib.sha256()
@@ -51,27 +44,6 @@ def key(asset: Asset, spacing: float, seed: int) -> str:
                 content.update(block)
         digest.update(content.digest())
     return digest.hexdigest()
-
-
-def files_of(path: Path) -> list[Path]:
-    """A mesh file and the existing files it refers to: buffers and textures of glTF, materials and maps of OBJ."""
-    found, todo = [], [path]
-    while todo:
-        file = todo.pop()
-        if file not in found and file.is_file():
-            found.append(file)
-            todo += obj.files(file) if file.suffix.lower() == ".obj" else [file.parent / name for name in _named(file)]
-    return [path, *sorted(found[1:])]
-
-
-def _named(file: Path) -> list[str]:
-    """File names that a glTF file refers to."""
-    if file.suffix.lower() == ".gltf":
-        with contextlib.suppress(ValueError, AttributeError):
-            document = json.loads(file.read_text(encoding="utf-8"))
-            items = [*document.get("buffers", []), *document.get("images", [])]
-            return [unquote(i["uri"]) for i in items if not i.get("uri", "data:").startswith("data:")]
-    return []
 
 
 def load(name: str) -> Particles | None:

@@ -9,10 +9,10 @@ import json
 import struct
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
+from fracsim import sidefiles
 from fracsim.asset import meshopt
 from fracsim.records import Array
 
@@ -126,7 +126,7 @@ class Document:
         """The bytes of a file beside the document, or of a data URI."""
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        return (self.folder / unquote(uri).replace("\\", "/")).read_bytes()
+        return sidefiles.of_uri(self.folder, uri).read_bytes()
 
 
 def _parsed(content: bytes) -> tuple[dict[str, Any], bytes]:

@@ -12,3 +12,6 @@
 A new law is one file here and one YAML file in conf/material. `tests/sim/test_constitutive.py` finds it and checks
 psi(I) = 0, objectivity, symmetry, P = dpsi/dF, Hooke's law at small strain, and that the bounds hold.
 """
+
+NEEDED = ("psi", "piola", "bound_total", "bound_updated")
+"""What a module must have."""

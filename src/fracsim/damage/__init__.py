@@ -4,3 +4,6 @@ It returns a damage in [0, 1] for F, (3, 3), J = det F and the thresholds lambda
 the running maximum (Eq. 4 of the paper), so that damage never heals, and scales tau by (1 - d). A new law is one file
 here and one YAML file in conf/fracture.
 """
+
+NEEDED = ("raw",)
+"""What a module must have."""

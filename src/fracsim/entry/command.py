@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 # Let Hydra's errors arrive in main(), which explains them.
@@ -65,7 +66,8 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     """Run a program; exit status 2 after an error, 130 after Ctrl-C or SIGTERM.
 
     `run` is the function that hydra.main has made of the program's task; `resume` says what to do after an
-    interruption. `-c job` prints the resolved configuration.
+    interruption. `-c job` prints the resolved configuration. An argument FILE.yaml is a resolved configuration, as
+    scene.yaml of a sample, to begin with.
     """
     from hydra.errors import HydraException
 
@@ -74,14 +76,19 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
         return
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
     rest = quoted([a for a in sys.argv[1:] if a not in multirun])
-    overrides = [a for a in rest if "=" in a]
+    files = [a for a in rest if a.endswith((".yaml", ".yml")) and "=" not in a and Path(a).is_file()]
+    rest = [a for a in rest if a not in files]
+    overrides = [a for a in rest if "=" in a or a[:1] == "~"]
     sys.argv[1:] = multirun + rest  # Hydra does not look for it between overrides
     try:
         with Interrupt():
+            program.check_deleted(overrides)
+            program.register(with_help=bool({"-h", "--help"} & set(rest)))
+            primary = program.register_file(Path(files[-1]), overrides) if files else ""
             if [a for a in rest if a not in overrides] in (["-c", "job"], ["--cfg", "job"]) and not multirun:
-                _show(program, overrides)
+                _show(program, overrides, primary)
             else:
-                program.register(with_help=bool({"-h", "--help"} & set(rest)))
+                sys.argv += ["--config-name", primary] if primary else []
                 run()
     except (HydraException, ValueError) as error:
         complain(program.explain(error, overrides) if _of_hydra(error) else str(error))
@@ -105,11 +112,12 @@ def _of_hydra(error: BaseException) -> bool:
     return raised_in.partition(".")[0] in ("hydra", "omegaconf")
 
 
-def _show(program: Program[Any], overrides: Sequence[str]) -> None:
+def _show(program: Program[Any], overrides: Sequence[str], primary: str) -> None:
     """Print the resolved configuration as YAML; Hydra itself would show a draw instead of the drawn values.
 
     Raises ValueError when there is none.
     """
     from omegaconf import OmegaConf
 
-    print(OmegaConf.to_yaml(program.compose(*overrides)), end="")
+    cfg = program.composed(overrides, primary=primary)
+    print(OmegaConf.to_yaml(program.resolve(cfg, overrides)), end="")

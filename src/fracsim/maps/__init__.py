@@ -18,13 +18,7 @@ NEEDED = ("CHANNELS", "UNIT", "LABEL", "SCALE", "quantity")
 
 def load(name: str) -> ModuleType:
     """The module of a map; raises ValueError for an unknown map, or one that lacks a name of NEEDED."""
-    module = registry.load("fracsim.maps", name, "capture.maps")
-    lacking = [wanted for wanted in NEEDED if not hasattr(module, wanted)]
-    if lacking:
-        raise ValueError(
-            f"capture.maps={name}: fracsim/maps/{name}.py lacks {', '.join(lacking)}; define it, as flow.py does."
-        )
-    return module
+    return registry.load("fracsim.maps", name, "capture.maps")
 
 
 def values(name: str, module: ModuleType, frame: Frame, camera_axes: Array) -> Array:
@@ -36,7 +30,7 @@ def values(name: str, module: ModuleType, frame: Frame, camera_axes: Array) -> A
     wanted = (len(frame.x), module.CHANNELS)
     if out.shape != wanted:
         raise ValueError(
-            f"capture.maps={name}: quantity() in fracsim/maps/{name}.py returns shape {out.shape}, expected {wanted} "
+            f"capture.maps={name}: quantity() in {module.__file__} returns shape {out.shape}, expected {wanted} "
             "(particles, CHANNELS): return one column a channel, as d[:, None]."
         )
     return out

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fracsim import maps
+from fracsim import maps, registry
 from fracsim.asset.harmonics import turned
 from fracsim.camera import depths, project, view_of
 from fracsim.records import Array, Frame, Particles
@@ -45,7 +45,7 @@ class Film:
     def __init__(self, scene: Scene) -> None:
         self.view = view_of(scene)
         self.scene = scene
-        self.maps = {name: maps.load(name) for name in scene.capture.maps}
+        self.maps = {registry.label(name): maps.load(name) for name in scene.capture.maps}
         self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
         self.splatter = Splatter(self.view, self.channels) if self.channels else None
         self._culled, self._when = 0, 0

@@ -13,6 +13,7 @@ from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
 from fracsim.run.outcome import Outcome
+from fracsim.run.signs import Signs
 from fracsim.run.watcher import Watcher
 from fracsim.scene.vocab import Scene
 
@@ -29,6 +30,10 @@ class Progress(Watcher):
         self._task = bar.add_task("preparing", total=frames, rate="", dt="")
         self._since, self._done = time.perf_counter(), 0
 
+    def note(self, text: str) -> None:
+        """Print it above the bar."""
+        self._bar.console.print(escape(text), soft_wrap=True)
+
     def substeps(self, done: int, dt: float, t: float) -> None:
         """Show the rate, twice a second at most."""
         now = time.perf_counter()
@@ -44,11 +49,14 @@ class Progress(Watcher):
 
 
 @contextmanager
-def progress(scene: Scene) -> Iterator[Progress]:
-    """A progress bar for the frames of a scene; nothing is printed when the output is no terminal."""
+def progress(scene: Scene) -> Iterator[Watcher]:
+    """A progress bar for the frames of a scene; when the output is no terminal, a line now and then on stderr."""
+    if not OUT.is_terminal:
+        yield Signs(scene.capture.frames, scene.capture.fps)
+        return
     columns = (TextColumn("{task.description:<10}"), BarColumn(16), TextColumn("{task.percentage:>3.0f}%"),
                TimeRemainingColumn(), TextColumn("left  {task.fields[rate]}  {task.fields[dt]}"))  # fmt: skip
-    with ProgressBar(*columns, console=OUT, transient=True, disable=not OUT.is_terminal) as bar:
+    with ProgressBar(*columns, console=OUT, transient=True) as bar:
         yield Progress(bar, scene.capture.frames, scene.capture.fps)
 
 
@@ -60,8 +68,8 @@ def heading(number: int, overrides: Sequence[str]) -> None:
 def show(scene: Scene, outcome: Outcome) -> None:
     """Print what happened and where the sample lies; nothing when no frame was finished."""
     if outcome.status == "existing":
-        there = f"{escape(str(outcome.path))} is already there and whole; output.overwrite=true makes it again"
-        OUT.print(there, soft_wrap=True)
+        about = f", {outcome.reason}" if outcome.reason else "; output.overwrite=true makes it again"
+        OUT.print(f"{escape(f'{outcome.path} is already there and whole{about}')}", soft_wrap=True)
     elif outcome.report:
         _table(scene, outcome)
 

@@ -13,6 +13,7 @@ from fracsim.run import console
 from fracsim.run.attempt import MADE, Attempt, Summary, Task
 from fracsim.run.journal import Follower
 from fracsim.run.outcome import Outcome
+from fracsim.run.signs import duration
 from fracsim.run.watcher import SweepWatcher, Watcher
 
 
@@ -92,19 +93,13 @@ def _ending(attempt: Attempt) -> str:
         return f"failed, see {attempt.failure}"
     if outcome.status == "interrupted":
         return f"interrupted after {outcome.frames} frames"
-    return {"existing": "already there"}.get(outcome.status, outcome.status)
+    if outcome.status == "existing":
+        return f"already there, {outcome.reason}" if outcome.reason else "already there"
+    return outcome.status
 
 
 def _times(attempt: Attempt) -> str:
     return f"{attempt.wall:.1f} s (simulate {attempt.outcome.seconds.get('simulate', 0.0):.1f})"
-
-
-def duration(seconds: float) -> str:
-    """A time for people, as `1 min`."""
-    for unit, size in (("days", 86400), ("h", 3600), ("min", 60)):
-        if seconds >= (2 if unit == "days" else 1) * size:
-            return f"{seconds / size:.3g} {unit}" if unit != "min" else f"{round(seconds / size)} min"
-    return f"{seconds:.0f} s"
 
 
 def totals(summary: Summary, seconds: float) -> None:

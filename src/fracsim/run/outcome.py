@@ -25,7 +25,7 @@ class Outcome:
     path: Path | None = None
     """Folder of the sample, also of an incomplete one; None when there is none."""
     reason: str = ""
-    """Why it is suspect, failed or interrupted."""
+    """Why it is suspect, failed or interrupted; how an existing one differs from what would be made now."""
     report: Mapping[str, Any] = field(default_factory=dict)
     """`Report.summary()`, as in meta.json; empty when no frame was finished."""
     seconds: Mapping[str, float] = field(default_factory=dict)

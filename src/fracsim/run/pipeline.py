@@ -13,6 +13,7 @@ from fracsim.run.outcome import Outcome, health
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.run.watcher import Watcher
 from fracsim.sample import Writer, find, header_of, scene_id
+from fracsim.sample.origin import changes
 from fracsim.sample.schema import read_meta
 from fracsim.scene.knob import check_names
 from fracsim.scene.vocab import Scene
@@ -20,6 +21,7 @@ from fracsim.solve.march import SimulationError
 from fracsim.solve.setup import Ready, ready
 from fracsim.solve.simulator import Simulator
 
+FIRST = "compiling kernels, this takes about a minute the first time"
 INTERRUPTED = "interrupted by the user"
 EXPECTED = (KeyboardInterrupt, ValueError, OSError, RuntimeError)
 """Errors that are an outcome of a run."""
@@ -31,11 +33,14 @@ def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
     Prints nothing. A bad scene, a full disk, an unstable simulation and Ctrl-C are outcomes, not errors;
     `outcome.sample()` raises for them.
     """
+    watch = watch or Watcher()
     try:
         existing = _existing(scene)
         if existing:
             return existing
         check_names(scene)
+        if backend.first_use():
+            watch.note(FIRST)
         backend.start(scene.backend)
         prepared = ready(scene)
         film = Film(scene)
@@ -44,7 +49,7 @@ def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
         return _stopped(error)
     try:
         with writer:
-            return _record(scene, prepared, film, writer, watch or Watcher())
+            return _record(scene, prepared, film, writer, watch)
     except EXPECTED as error:
         return _stopped(error, writer)
 
@@ -55,7 +60,7 @@ def _existing(scene: Scene) -> Outcome | None:
     if path is None or scene.output.overwrite:
         return None
     meta = read_meta(path)
-    return Outcome("existing", path, "", meta["report"], meta["seconds"], meta["frames"])
+    return Outcome("existing", path, changes(scene, meta), meta["report"], meta["seconds"], meta["frames"])
 
 
 def _stopped(error: BaseException, writer: Writer | None = None) -> Outcome:

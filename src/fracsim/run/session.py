@@ -18,7 +18,7 @@ from fracsim.solve.simulator import Simulator
 class Run:
     """Prepares the object and the solver of a scene; nothing is written to disk.
 
-    Raises ValueError or RuntimeError for a scene that cannot run.
+    Raises ValueError or RuntimeError for a scene that cannot run. Worker processes must be spawned, not forked.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -50,16 +50,20 @@ class Run:
 
         Each call begins at rest; an iterator of an earlier call must not be used any more.
         """
+        backend.check_process()
         if self._started:
             self._simulator = self._at_rest()
         self._started = True
-        yield from self._simulator.frames()
+        for frame in self._simulator.frames():
+            yield frame
+            backend.check_process()
 
     def render(self, frame: Frame, quantity: Array | None = None) -> tuple[Array, Array]:
         """A picture (H, W, C) float32 of a quantity a particle, (N,) or (N, C), on zero; and its alpha (H, W).
 
         Without a quantity, the colour of the object, premultiplied by alpha. Raises ValueError for another shape.
         """
+        backend.check_process()
         if quantity is not None and (np.ndim(quantity) not in (1, 2) or len(quantity) != len(frame.x)):
             raise ValueError(f"render: quantity has shape {np.shape(quantity)}, but a value a particle is wanted: "
                              f"({len(frame.x)},) or ({len(frame.x)}, C).")  # fmt: skip

@@ -9,6 +9,9 @@ from fracsim.run.attempt import Attempt, Task
 class Watcher:
     """Is called by a run; does nothing itself, and subclasses override what they need."""
 
+    def note(self, text: str) -> None:
+        """Called with a sentence for the user, before the first substep."""
+
     def substeps(self, done: int, dt: float, t: float) -> None:
         """Called every few substeps: their number so far, the present substep dt [s] and time t [s]."""
 

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from fracsim import registry
 from fracsim.camera import view_of
 from fracsim.maps import load as load_map
 from fracsim.sample.identity import FRACSIM, sample_id, scene_content
+from fracsim.sample.origin import sources
 from fracsim.sample.provenance import PACKAGES
 from fracsim.sample.schema import SCENE
 from fracsim.scene.vocab import Scene
@@ -109,12 +111,14 @@ def header_of(scene: Scene) -> Header:
         strip=capture.strip,
         report=capture.report,
         thresholds=(scene.fracture.onset, scene.fracture.crit),
-        about={"view": view, "backend": scene.backend},
+        about={"view": view, "backend": scene.backend, "sources": sources(scene)},
         packages=PACKAGES,
     )
 
 
 def map_infos(names: Sequence[str]) -> dict[str, MapInfo]:
-    """Label, unit, channels and scale of maps of fracsim.maps by name; raises ValueError for an unknown one."""
-    modules = {name: load_map(name) for name in names}
+    """Label, unit, channels and scale of maps by name, without folder and ending; raises ValueError for a bad one."""
+    modules = {registry.label(name): load_map(name) for name in names}
+    if len(modules) < len(names):
+        raise ValueError(f"capture.maps={list(names)} has two maps of one name: rename a file.")
     return {name: MapInfo(m.LABEL, m.UNIT, m.CHANNELS, m.SCALE) for name, m in modules.items()}

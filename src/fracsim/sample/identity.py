@@ -5,10 +5,11 @@ Fields of a scene that equal their pinned default are left out, so that a new fi
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from fracsim import registry, sidefiles
 from fracsim.scene.knob import describe
 from fracsim.scene.vocab import LABELS, Scene
 
@@ -48,19 +49,40 @@ def scene_id(scene: Scene) -> str:
     return sample_id(FRACSIM, scene_content(scene))
 
 
-def scene_content(scene: Scene, asset_sha256: str | None = None) -> dict[str, Any]:
+def scene_content(scene: Scene, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The content of the sample of a scene: dotted field -> value, without labels and fields at their pinned default.
 
-    asset.path counts by the content of the file: its sha256, which `asset_sha256` gives if it is known. Raises
-    ValueError when the file cannot be read.
+    asset.path counts by the content of its files, a law or map from outside by its name and source. `known`, the
+    content of a sample, stands in for the files. Raises ValueError when a file cannot be read.
     """
-    digest_of_object = asset_digest(scene) if asset_sha256 is None else asset_sha256
-    content = {}
-    for name, pinned in pinned_defaults(type(scene)).items():
-        value = digest_of_object if name == "asset.path" else field_of(scene, name)
-        if canonical(value) != canonical(pinned):
-            content[name] = canonical(value)
-    return content
+    values = {name: field_of(scene, name) for name in pinned_defaults(type(scene))}
+    values["asset.path"] = asset_digest(scene) if known is None else known.get("asset.path", "")
+    for package, name, module in modules(scene):
+        if registry.is_outside(package, module):
+            counted = _by_source(package, name, module) if known is None else _known(known.get(name), module)
+            old = values[name]
+            values[name] = [counted if v == module else v for v in old] if isinstance(old, list) else counted
+    pinned = {name: canonical(value) for name, value in pinned_defaults(type(scene)).items()}
+    return {name: canonical(value) for name, value in values.items() if canonical(value) != pinned[name]}
+
+
+def modules(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    """Package, field and name of every module that a scene chooses."""
+    for field, _, knob in describe(type(scene)):
+        if knob.package:
+            value = field_of(scene, field)
+            yield from ((knob.package, field, name) for name in (value if isinstance(value, list) else [value]))
+
+
+def _by_source(package: str, field: str, name: str) -> str:
+    """A module from outside as `curl:<sha256 of its file>`; raises ValueError when it is not there."""
+    return f"{registry.label(name)}:{digest(registry.source(package, name, field))}"
+
+
+def _known(value: Any, name: str) -> str:
+    """What stands for a module from outside in a field of a content, or its name if nothing does."""
+    entries = value if isinstance(value, list) else [value]
+    return next((e for e in entries if str(e).startswith(f"{registry.label(name)}:")), name)
 
 
 def pinned_defaults(schema: type) -> dict[str, Any]:
@@ -80,11 +102,19 @@ def field_of(section: Any, dotted: str) -> Any:
 
 
 def asset_digest(scene: Scene) -> str:
-    """sha256 of the object's file in hex, or "" for a built-in one; raises ValueError when it cannot be read."""
+    """sha256 of the object's files in hex, or "" for a built-in one; raises ValueError when it cannot be read.
+
+    Of one file its own sha256; with files that it refers to, the sha256 of those of all, in the order of the file.
+    """
     if scene.asset.kind == "builtin":
         return ""
     try:
-        return digest(Path(scene.asset.path).expanduser())
+        path = Path(scene.asset.path).expanduser()
+        files = [file for _, file in sidefiles.named(path)]
+        if not any(files):
+            return digest(path)
+        parts = [digest(path), *(digest(file) if file else "missing" for file in files)]
+        return hashlib.sha256(" ".join(parts).encode()).hexdigest()
     except OSError as error:
         raise ValueError(
             f"asset.path={scene.asset.path} cannot be read ({error.strerror}): set asset.path to a file that can."

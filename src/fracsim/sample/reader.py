@@ -1,7 +1,7 @@
 """Reads a sample folder; arrays are in physical units and are decoded at first use."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,9 +11,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fracsim.records import Array
-from fracsim.sample import chunked, coverage, schema
+from fracsim.sample import chunked, coverage, notebook, schema
 from fracsim.sample.folder import lacking
 from fracsim.sample.identity import FRACSIM, canonical, sample_id, scene_content
+from fracsim.sample.lazy import Maps as Maps
 from fracsim.sample.quantise import LEVELS, dequantise
 from fracsim.sample.video import count, decode
 from fracsim.scene.vocab import Scene
@@ -28,27 +29,6 @@ class Tracks(NamedTuple):
     """Whether the particle is seen, (T, M) bool."""
     particles: Array
     """Indices of the particles, (M,) int64."""
-
-
-class Maps(Mapping[str, Array]):
-    """Recorded maps by name, each [T, H, W, C] float32 in physical units, decoded at first use."""
-
-    def __init__(self, names: Sequence[str], load: Callable[[str], Array]) -> None:
-        self._names, self._load = tuple(names), load
-        self._decoded: dict[str, Array] = {}
-
-    def __getitem__(self, name: str) -> Array:
-        if name not in self._names:
-            raise KeyError(f"map {name} was not recorded; there are: {', '.join(self._names) or 'none'}")
-        if name not in self._decoded:
-            self._decoded[name] = self._load(name)
-        return self._decoded[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +51,10 @@ class Sample:
             f"{self.frames} frames at {meta['fps']:g} a second, {width} x {height} pixels\n"
             f"{', '.join(recorded) or 'no pictures'}"
         )
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook, with the film."""
+        return notebook.html(repr(self), self.path / schema.STRIP)
 
     @property
     def complete(self) -> bool:
@@ -266,7 +250,7 @@ def _mismatches(folder: Path, meta: Mapping[str, Any]) -> list[str]:
         problems.append(f"content is not that of {meta['id']}")
     if meta["producer"] == FRACSIM:
         scene = schema.load_scene(folder / schema.SCENE)
-        if scene_content(scene, content.get("asset.path", "")) != canonical(content):
+        if scene_content(scene, content) != canonical(content):
             problems.append(f"{schema.SCENE} is not the scene of {meta['id']}")
     return problems
 

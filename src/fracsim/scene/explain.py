@@ -35,8 +35,10 @@ def explain(error: Exception, overrides: Sequence[str], schema: type, noun: str,
         named = [o for o in overrides if o in str(error)] or overrides
         return f"{' '.join(named)} cannot be used: {' '.join(str(error).split()).rstrip('.')}. {see}"
     field = cause.full_key.partition("[")[0]
-    value = ([v for key, v in fields(overrides).items() if f"{key}.".startswith(f"{field}.")] or [""])[-1]
+    typed = {key: v for key, v in fields(overrides).items() if f"{key}.".startswith(f"{field}.")}
+    value = ([*typed.values()] or [""])[-1]
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)):
+        field = ([*typed] or [field])[-1]  # of materal.E the error knows only materal
         return f"{field}={value} is not a field of {_a(noun)}: {_instead(field, schema)} {see}"
     for name, default, knob in describe(schema):
         if name == field and isinstance(cause, ValidationError):
@@ -58,11 +60,16 @@ def _example(schema: type) -> str:
 
 def _instead(field: str, schema: type) -> str:
     """What the user who typed `field` may have meant, as a sentence."""
-    known = {name: name.rpartition(".")[2] for name, _, _ in describe(schema)}
+    known = [name for name, _, _ in describe(schema)]
+    sections = list(dict.fromkeys(name.rpartition(".")[0] for name in known if "." in name))
     section, _, leaf = field.rpartition(".")
-    siblings = [name for name in known if section and name.startswith(f"{section}.")]
-    alike = [leaf, *get_close_matches(leaf, [known[name] for name in siblings or known], n=1)]
-    near = [name for a in alike for name in known if known[name] == a]
-    if near:
-        return f"did you mean {near[0]}?"
+    near = [section] if section in sections else get_close_matches(section, sections, n=1)
+    siblings = [name for name in known if near and name.rpartition(".")[0] == near[0]]
+    meant = [name for name in siblings + known if name.rpartition(".")[2] == leaf]
+    if not meant:
+        pool = {name.rpartition(".")[2]: name for name in reversed(siblings or known)}
+        pool |= {} if section else {name: name for name in sections}
+        meant = [pool[name] for name in get_close_matches(leaf, pool, n=1)]
+    if meant:
+        return f"did you mean {meant[0]}?"
     return f"choose one of {', '.join(siblings or sorted({name.partition('.')[0] for name in known}))}."

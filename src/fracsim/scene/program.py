@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from fracsim.scene import effect, explain, space
-from fracsim.scene.knob import check_names, text
+from fracsim.scene.knob import check_names, describe, text
 from fracsim.scene.manual import manual
 from fracsim.scene.quoting import quoted
 from fracsim.scene.vocab import Scene
@@ -77,6 +77,33 @@ class Program(Generic[T]):
         node = {"app_name": self.name, "header": "", "footer": "", "template": template}
         store.store(group="hydra/help", name=self.primary, node=node)
 
+    def register_file(self, path: Path, overrides: Sequence[str] = ()) -> str:
+        """Make a resolved configuration, as scene.yaml of a sample, the primary one; returns the name that it gets.
+
+        It sets every field, so that no group is chosen. Raises ValueError for an override that chooses one, and for a
+        file that is no mapping.
+        """
+        from hydra.core.config_store import ConfigStore
+        from omegaconf import OmegaConf
+        from omegaconf.errors import OmegaConfBaseException
+        from yaml import YAMLError
+
+        for field, value in explain.fields(overrides).items():
+            if field in self.groups and value in self.groups[field]:
+                raise ValueError(f"{field}={value} cannot be used with {path}, which sets every field of {field}: "
+                                 "set single fields, as in --help.")  # fmt: skip
+        primary: Any = OmegaConf.to_container(OmegaConf.load(self.folder / f"{self.primary}.yaml"))
+        entries = primary.pop("defaults", [])
+        kept = [e for e in entries if not isinstance(e, dict) or any("override " in key for key in e)]
+        try:
+            content: Any = OmegaConf.to_container(OmegaConf.load(path))
+        except (OSError, ValueError, YAMLError, OmegaConfBaseException) as error:
+            raise ValueError(f"{path} cannot be read as YAML: {' '.join(str(error).split())}") from None
+        if not isinstance(content, dict):
+            raise ValueError(f"{path} is not a {self.noun}: it holds no fields.")
+        ConfigStore.instance().store(name=f"{self.primary}_file", node={**primary, **content, "defaults": kept})
+        return f"{self.primary}_file"
+
     def manual(self) -> str:
         """The text of --help."""
         from omegaconf import OmegaConf
@@ -117,6 +144,14 @@ class Program(Generic[T]):
             self.check(out, given)
         return out
 
+    def check_deleted(self, overrides: Sequence[str]) -> None:
+        """Raise ValueError for an override that deletes a field or a section: its default would come back unseen."""
+        names = [f"{name}." for name, _, _ in describe(self.config)]
+        for field in (o[1:].partition("=")[0] for o in overrides if o.startswith("~")):
+            if any(name.startswith(f"{field}.") for name in names):
+                raise ValueError(f"~{field} cannot be used: every {self.noun} has {field}; leave it out for its "
+                                 f"default, or set it. See python -m {self.name} --help.")  # fmt: skip
+
     def explain(self, error: Exception, overrides: Sequence[str]) -> str:
         """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
         return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
@@ -125,16 +160,20 @@ class Program(Generic[T]):
         """The files of a group, sorted."""
         return tuple(sorted(p.stem for p in (self.folder / group).glob("*.yaml")))
 
-    def composed(self, overrides: Sequence[str], *, hydra: bool = False) -> Any:
-        """The configuration as Hydra composes it, with Hydra's own part on request; raises ValueError."""
+    def composed(self, overrides: Sequence[str], *, hydra: bool = False, primary: str = "") -> Any:
+        """The configuration as Hydra composes it, with Hydra's own part on request; raises ValueError.
+
+        `primary` is a name from `register_file`.
+        """
         from hydra import compose, initialize_config_dir
         from hydra.errors import HydraException
 
+        self.check_deleted(overrides)
         with _hydra_alone():
             self.register()
             with initialize_config_dir(str(self.folder), version_base="1.3"):
                 try:
-                    return compose(self.primary, overrides=quoted(overrides), return_hydra_config=hydra)
+                    return compose(primary or self.primary, overrides=quoted(overrides), return_hydra_config=hydra)
                 except (HydraException, ValueError) as error:
                     raise ValueError(self.explain(error, overrides)) from None
 

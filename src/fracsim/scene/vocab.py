@@ -48,7 +48,7 @@ class Asset:
 class Material:
     """The undamaged solid."""
 
-    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive",
+    law: str = knob("fixed_corotated", "constitutive law, a module of fracsim.constitutive or a file ./LAW.py",
                     package="fracsim.constitutive")  # fmt: skip
     E: float = knob(6e3, "Young's modulus", "Pa", least=1e2, most=1e9)
     nu: float = knob(0.25, "Poisson's ratio", least=0.0, most=0.499)
@@ -75,7 +75,7 @@ class Material:
 class Fracture:
     """When the material loses its strength (Eq. 4 of the paper)."""
 
-    law: str = knob("stretch", "damage law, a module of fracsim.damage", package="fracsim.damage")
+    law: str = knob("stretch", "damage law, a module of fracsim.damage or a file ./LAW.py", package="fracsim.damage")
     onset: float = knob(1.5, "largest principal stretch at which damage begins", least=1.0, most=10.0)
     crit: float = knob(2.3, "stretch at which the material has failed", least=1.0, most=10.0, open="least")
     length: float = knob(0.0, "cell size for which onset and crit are meant; on other cells lambda_crit is rescaled "
@@ -215,7 +215,8 @@ class Capture:
     frames: int = knob(100, "number of frames; frame k shows t = k / fps, frame 0 the rest state", least=1, most=10_000)
     fps: float = knob(100.0, "frames per second of simulated time", "1/s", least=1.0, most=1e5)
     rgb: bool = knob(True, "render colour")
-    maps: list[str] = knob(["flow", "strain", "stress", "damage"], "physics maps, modules of fracsim.maps",
+    maps: list[str] = knob(["flow", "strain", "stress", "damage"],
+                           "physics maps, modules of fracsim.maps or files ./MAP.py",
                            package="fracsim.maps")  # fmt: skip
     tracks: int = knob(2048, "surface particles with stored image paths; 0 = none", least=0, most=1_000_000)
     strip: bool = knob(True, "write strip.mp4, all pictures side by side")

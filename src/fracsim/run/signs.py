@@ -1,0 +1,38 @@
+"""Signs of life where there is no terminal: a line every ten seconds on stderr, as `frame 12 of 100, 30 s left`."""
+
+import sys
+import time
+
+from fracsim.run.watcher import Watcher
+
+EVERY = 10.0
+"""Time between two lines [s]."""
+
+
+class Signs(Watcher):
+    """Prints how far a run is and how long the rest will take."""
+
+    def __init__(self, frames: int, fps: float) -> None:
+        self._frames, self._fps = frames, fps
+        self._began = self._since = time.monotonic()
+
+    def note(self, text: str) -> None:
+        """Print it."""
+        print(text, file=sys.stderr, flush=True)
+
+    def substeps(self, done: int, dt: float, t: float) -> None:
+        """Print a line when it is time for one."""
+        now = time.monotonic()
+        if now - self._since < EVERY:
+            return
+        self._since, share = now, t * self._fps / max(self._frames - 1, 1)
+        left = f", {duration((now - self._began) * (1 - share) / share)} left" if 0 < share <= 1 else ""
+        self.note(f"frame {min(1 + int(t * self._fps), self._frames)} of {self._frames}{left}")
+
+
+def duration(seconds: float) -> str:
+    """A time for people, as `1 min`."""
+    for unit, size in (("days", 86400), ("h", 3600), ("min", 60)):
+        if seconds >= (2 if unit == "days" else 1) * size:
+            return f"{seconds / size:.3g} {unit}" if unit != "min" else f"{round(seconds / size)} min"
+    return f"{seconds:.0f} s"

@@ -1,0 +1,119 @@
+"""Compiled kernels: where they are kept, when they are made anew, and in which processes they run."""
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fracsim import backend, caching
+from tests.command import python
+
+KERNEL = """
+from fracsim import backend
+import taichi as ti
+from fracsim.scene.vocab import Backend
+backend.start(Backend(threads={threads}))
+@ti.kernel
+def total(x: ti.types.ndarray(dtype=ti.f32, ndim=1)) -> ti.f32:
+    s = 0.0
+    for i in range(x.shape[0]):
+        s += x[i]
+    return s
+x = ti.ndarray(ti.f32, 9)
+x.fill(1)
+print(total(x))
+"""
+
+
+@pytest.fixture(autouse=True)
+def forgetful() -> Iterator[None]:
+    """The folder of kernels is chosen once a process; here, for each test."""
+    backend.kernels.cache_clear()
+    yield
+    backend.kernels.cache_clear()
+
+
+def test_kernels_lie_in_the_folder_for_what_may_be_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path / "mine"))
+    assert backend.kernels() == tmp_path / "mine" / "kernels"
+
+
+def test_a_folder_that_cannot_be_written_to_is_replaced_with_a_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("a file, where a folder is needed")
+    monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path / "file"))
+    monkeypatch.setattr(caching, "temporary", lambda: tmp_path / "other")
+    with pytest.warns(UserWarning, match="file/kernels cannot be written to.*FRACSIM_CACHE"):
+        assert backend.kernels() == tmp_path / "other" / "kernels"
+
+
+def test_without_a_home_there_is_still_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """HOME is unset, and the user has no entry in the list of users."""
+
+    def lost() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("FRACSIM_CACHE", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", lost)
+    assert caching.folder().is_relative_to(caching.temporary())
+
+
+def test_taichi_starts_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alone it ends the process in C++."""
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert python("from fracsim import Backend, backend; backend.start(Backend()); print('started')") == "started\n"
+
+
+def test_the_lock_of_a_killed_process_is_removed(tmp_path: Path) -> None:
+    for name, age in (("ticache.lock", 2 * backend.STALE), ("metadata.lock", 0.0)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    backend._unlock(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["metadata.lock"]
+
+
+def test_another_number_of_threads_finds_the_same_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine with one core runs one thread both times."""
+    monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path))
+    kept = []
+    for threads in (1, 2):
+        file = tmp_path / "kernel.py"  # Taichi reads the source of a kernel
+        file.write_text(KERNEL.format(threads=threads))
+        assert python(f"exec(compile(open({str(file)!r}).read(), {str(file)!r}, 'exec'))") == "9.0\n"
+        kept.append({path.name for path in (tmp_path / "kernels").glob("*.tic")})
+    assert kept[0]
+    assert kept[0] == kept[1]
+
+
+def test_a_first_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(backend, "_started", None)
+    assert backend.first_use()
+    (tmp_path / "kernels" / "T0.tic").touch()
+    assert not backend.first_use()
+
+
+FORK = """
+import os
+from fracsim import Backend, Run, Scene, backend
+backend.start(Backend(threads=1))
+if os.fork() == 0:
+    try:
+        Run(Scene())
+    except RuntimeError as error:
+        print(error, flush=True)
+    os._exit(0)
+os.wait()
+"""
+
+
+def test_a_forked_worker_is_told_to_spawn() -> None:
+    """It would wait for ever for threads that are not there."""
+    said = python(FORK)
+    assert said.startswith("this process was forked")
+    assert 'get_context("spawn")' in said
