@@ -7,7 +7,7 @@ decoding; wall time is stored beside it.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -176,10 +176,12 @@ def plot(found: list[Point], named: dict[str, Setting], label: str, path: Path) 
     from matplotlib.figure import Figure
 
     figure: Any = Figure(figsize=(13, 5), layout="constrained")
-    canvas: Any = FigureCanvasAgg
-    canvas(figure)
+    FigureCanvasAgg(figure)
     shown = [p for p in found if p.error > 0 and p.setting.guidance == 1]
-    for k, (title, value) in enumerate((("latents", lambda p: p.error), ("worst decoded stream", lambda p: p.worst))):
+    shown_errors: dict[str, Callable[[Point], float]] = {
+        "latents": lambda p: p.error, "worst decoded stream": lambda p: p.worst,
+    }  # fmt: skip
+    for k, (title, value) in enumerate(shown_errors.items()):
         axes: Any = figure.add_subplot(1, 2, k + 1)
         line = front(shown)
         axes.plot([p.seconds for p in line], [100 * value(p) for p in line], color="#b0b0b0", zorder=0)
