@@ -10,7 +10,7 @@ os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 from fracsim import caching
 
 if not (os.environ.get("HOME") or os.environ.get("XDG_CACHE_HOME")):  # Taichi would end the process
-    os.environ["XDG_CACHE_HOME"] = str(caching.folder().parent)
+    os.environ["XDG_CACHE_HOME"] = str(caching.base())
 
 from fracsim.scene.vocab import Asset, Backend, Camera, Capture, Fracture, Loading, Material, Output, Scene, Solver
 from fracsim.version import __version__

@@ -6,14 +6,17 @@ from pathlib import Path
 
 
 def folder() -> Path:
-    """$FRACSIM_CACHE, else fracsim in $XDG_CACHE_HOME, else ~/.cache/fracsim; without a home, a temporary one."""
+    """$FRACSIM_CACHE, else fracsim in `base`."""
     given = os.environ.get("FRACSIM_CACHE")
-    if given:
-        return Path(given).expanduser()
+    return Path(given).expanduser() if given else base() / "fracsim"
+
+
+def base() -> Path:
+    """$XDG_CACHE_HOME, else ~/.cache, also without $HOME; without a home, a temporary folder."""
     try:
-        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fracsim"
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     except RuntimeError:  # no HOME, and a user without an entry, as in some containers
-        return temporary() / "fracsim"
+        return temporary()
 
 
 def temporary() -> Path:

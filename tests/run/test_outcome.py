@@ -1,5 +1,6 @@
 """A run is silent, and its outcome says what happened."""
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,11 @@ from typing import Any
 import pytest
 
 from fracsim import Material, Output, Scene, compose
-from fracsim.run import pipeline
+from fracsim.run import console, lines, pipeline
+from fracsim.run.attempt import Attempt, Task
 from fracsim.run.outcome import Outcome, health
 from fracsim.run.watcher import Watcher
+from fracsim.version import __version__
 from tests.command import SMALL
 
 TORN = (*SMALL, "capture.frames=8", "loading.speed=4", "asset=bar", "material=rubber")
@@ -76,7 +79,24 @@ def test_a_run_is_silent_and_is_watched(tmp_path: Path, capfd: pytest.CaptureFix
     assert (again.status, again.path, again.frames) == ("existing", outcome.path, 8)
     assert dict(again.report) == outcome.sample().meta["report"]
     assert watch.frames == list(range(8))
-    assert capfd.readouterr() == ("", "")
+    assert (again.reason, capfd.readouterr()) == ("", ("", ""))
+
+    assert outcome.path is not None
+    edit_sources(outcome.path, "maps/stress.py")
+    other = pipeline.run(scene, watch)
+    assert (other.status, other.reason) == ("existing", f"made by fracsim {__version__} with another stress.py: "
+                                                        "output.overwrite=true makes it again")  # fmt: skip
+    console.show(scene, other)
+    assert capfd.readouterr().out == f"{outcome.path} is already there and whole, {other.reason}\n"
+    line = lines._ending(Attempt(Task(scene), outcome.path.name, other, 0.0))
+    assert line == f"already there, {other.reason}"
+
+
+def edit_sources(sample: Path, name: str) -> None:
+    """Let a sample have been made by another version of a module."""
+    meta = json.loads((sample / "meta.json").read_text())
+    meta["sources"][name] = "0" * 12
+    (sample / "meta.json").write_text(json.dumps(meta))
 
 
 def test_an_object_that_holds_never_breaks(tmp_path: Path) -> None:

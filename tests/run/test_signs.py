@@ -10,13 +10,13 @@ from fracsim.scene.vocab import Scene
 def test_a_line_now_and_then_tells_the_frame_and_the_time_left(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """101 frames at 100 a second: after 12 s a fifth of the second is done, so that four times 12 s are left."""
-    clock = iter([0.0, 4.0, 12.0, 15.0, 22.1])
+    """101 frames at 100 a second: 20 of 100 frames took the 8 s since the first substep, so that 32 s are left."""
+    clock = iter([0.0, 4.0, 12.0, 15.0, 22.1, 40.0])
     monkeypatch.setattr(signs.time, "monotonic", lambda: next(clock))
     run = Signs(101, 100.0)
-    for t in (0.1, 0.2, 0.3, 0.5):
+    for t in (0.0, 0.2, 0.3, 0.5, 1.0):
         run.substeps(10, 1e-3, t)
-    assert capsys.readouterr() == ("", "frame 21 of 101, 48 s left\nframe 51 of 101, 22 s left\n")
+    assert capsys.readouterr() == ("", "frame 21 of 101, 32 s left\nframe 51 of 101, 18 s left\n")
 
 
 def test_notes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:

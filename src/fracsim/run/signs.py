@@ -14,20 +14,23 @@ class Signs(Watcher):
 
     def __init__(self, frames: int, fps: float) -> None:
         self._frames, self._fps = frames, fps
-        self._began = self._since = time.monotonic()
+        self._since = time.monotonic()
+        self._first: tuple[float, float] | None = None
 
     def note(self, text: str) -> None:
         """Print it."""
         print(text, file=sys.stderr, flush=True)
 
     def substeps(self, done: int, dt: float, t: float) -> None:
-        """Print a line when it is time for one."""
-        now = time.monotonic()
-        if now - self._since < EVERY:
+        """Print a line when it is time for one; what came before the first substep does not count for the rest."""
+        now, at = time.monotonic(), t * self._fps
+        if self._first is None:
+            self._first = now, at
+        if now - self._since < EVERY or at >= self._frames - 1:
             return
-        self._since, share = now, t * self._fps / max(self._frames - 1, 1)
-        left = f", {duration((now - self._began) * (1 - share) / share)} left" if 0 < share <= 1 else ""
-        self.note(f"frame {min(1 + int(t * self._fps), self._frames)} of {self._frames}{left}")
+        self._since, (began, start) = now, self._first
+        left = f", {duration((now - began) * (self._frames - 1 - at) / (at - start))} left" if at > start else ""
+        self.note(f"frame {1 + int(at)} of {self._frames}{left}")
 
 
 def duration(seconds: float) -> str:
