@@ -28,7 +28,7 @@ from fracgen.model import FracTransformer, empty
 from fracgen.sampling import generate
 from fracgen.training import network, noising
 
-STEPS = 10
+STEPS = 4
 """Of a sampling that is timed."""
 FRAMES, WIDTH = 81, 512
 """Of the clips whose operations are counted."""
