@@ -12,7 +12,7 @@ from fracsim.scene.knob import Knob, describe, text
 
 FLAGS = """
 Flags
-  FILE.yaml        begin with the {noun} in a file that holds all fields, as one that was written before
+  FILE.yaml        begin with the {noun} in a file, as it was written by a run
   -m, --multirun   run all combinations of values given with commas, as FIELD=VALUE,VALUE
   -c job           print the resolved {noun} and stop
   -h, --help       this text
