@@ -53,9 +53,9 @@ class Frame:
     v: Array
     """Velocities [m/s], (N, 3)."""
     F: Array
-    """Deformation gradients, (N, 3, 3); of failed particles with the stretch capped at lambda_crit."""
+    """Deformation gradients, (N, 3, 3), with all stretches capped at lambda_crit, as those of exempt particles."""
     tau: Array
-    """Degraded Kirchhoff stresses (1 - d) tau [Pa], (N, 3, 3)."""
+    """Degraded Kirchhoff stresses (1 - d) tau at this F [Pa], (N, 3, 3)."""
     d: Array
     """Damage in [0, 1], (N,)."""
 

@@ -96,6 +96,8 @@ class Report:
         self.history, self.tally = History(), EnergyTally(*([0.0] * 8))
         self.substeps = self.clamped = 0
         self.crumbled = 0.0
+        self.capped = 0
+        """Most intact particles of a frame that are shown with less than their stretch, lambda_crit."""
         self.break_frame: int | None = None
         self.torn_frame: int | None = None
         self.settled_frame: int | None = None
@@ -187,6 +189,7 @@ class Report:
             "dt_max": max(h.dt, default=0.0),
             "clamped": self.clamped,
             "exempt_from_damage": int((~self.free).sum()),
+            "shown_capped": self.capped,
             "energy": self.energy(),
             "warnings": [*self.warnings, *self._findings()],
         }

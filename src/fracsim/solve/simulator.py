@@ -21,6 +21,7 @@ from fracsim.solve.messages import PATIENCE
 from fracsim.solve.report import TEARING, EnergyTally, Report, Seen, failure_distance
 from fracsim.solve.settled import Settled
 from fracsim.solve.setup import Ready, grips, in_memory_order, ready, wave_time
+from fracsim.solve.shown import capped, stress_at
 from fracsim.solve.uniaxial import uniaxial_bar
 
 MAX_CLAMPED = 1e-2
@@ -103,7 +104,7 @@ class Simulator:
             raise SimulationError(messages.slow(self.state, when, done.dt))
 
     def _frame(self, k: int) -> Frame:
-        """Read the particles; failed ones follow intact ones (`total`)."""
+        """Read the particles, with F of at most lambda_crit; failed ones follow intact ones (`total`)."""
         s, t, report = self.state, k / self.scene.capture.fps, self.report
         x = (s.X0.astype(np.float64) + s.points.U.to_numpy() + np.asarray(CENTRE)).astype(np.float32)
         self._hold(x, t)
@@ -116,10 +117,13 @@ class Simulator:
             v[held] = s.side[held, None] * s.boundary.speed * np.asarray(s.boundary.axis)
         seen = s.observe()
         failed = d >= 1
+        verdict = "parted" if report.parted else self._verdict(x, F, failed)
+        F, beyond = capped(F, report.medium.fracture.crit)
+        tau = stress_at(s, F) if (beyond & ~failed).any() else seen.tau
+        report.capped = max(report.capped, int((beyond & ~failed).sum()))
         if s.total:
             self.follow_intact(x, v, F, failed, self.fragments.of)
-        verdict = "parted" if report.parted else self._verdict(x, F, failed)
-        frame = Frame(k, t, x, *(a.astype(np.float32) for a in (v, F, seen.tau, d)))
+        frame = Frame(k, t, x, *(a.astype(np.float32) for a in (v, F, tau, d)))
         if self.scene.solver.until == "settled" and report.parted and not self.settled:
             self.settled.update(s.points.V.to_numpy(), s.points.C.to_numpy(), failed, self.fragments.of)
             report.settled_frame = k if self.settled else None
