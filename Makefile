@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup demo demo-gen test test-gpu check format golden bench verify stress studies figures clean
+.PHONY: help setup demo demo-gen test test-gpu check format golden bench bench-gen verify stress stress-gen studies figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -69,6 +69,12 @@ studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
 	$(RUN) fracsim.verify --formulation both
+
+bench-gen: $(VENV)/gen.stamp  ## time and memory of the generator; writes docs/benchmarks/*_gen_*.csv
+	$(RUN) fracgen.bench
+
+stress-gen: $(VENV)/gen.stamp  ## give the generator inputs at the edge: each finite, or refused by name
+	$(RUN) fracgen.stress
 
 stress: $(VENV)/run.stamp  ## run scenes far beyond the published ranges and check what comes of them
 	$(RUN) fracsim.fuzz
