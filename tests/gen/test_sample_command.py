@@ -167,7 +167,7 @@ def test_a_command_that_is_interrupted_says_how_to_go_on_and_goes_on(
 def test_the_presets_are_what_they_are_called() -> None:
     found = {name: command.SAMPLE.compose(f"sampler={name}").sampler for name in command.SAMPLE.groups["sampler"]}
     assert {name: (s.solver, s.steps) for name, s in found.items()} == {
-        "preview": ("unipc", 10), "default": ("unipc", 30), "reference": ("euler", 200)}  # fmt: skip
+        "preview": ("unipc", 10), "default": ("unipc", 20), "reference": ("unipc", 200)}  # fmt: skip
     assert found["default"] == Sampler()
     assert found["reference"].dtype == "float32"
     assert all((s.shift, s.guidance) == (0, 1) for s in found.values())

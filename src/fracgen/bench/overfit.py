@@ -23,7 +23,6 @@ from fracgen.model import FracTransformer
 from fracsim.records import Array
 
 SOLVER, STEPS = "unipc", 30
-"""conf/sampler/default.yaml."""
 LEARNT = 2.0
 """Largest last loss over the first [%]."""
 LEVELS = 5

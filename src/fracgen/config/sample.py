@@ -14,7 +14,7 @@ class Sampler:
     """How noise becomes a clip; more steps are slower and nearer to what the network means."""
 
     solver: str = knob("unipc", "solver, a module of fracgen.sampling.solvers", package="fracgen.sampling.solvers")
-    steps: int = knob(30, "steps; each is one call of the network, or two with guidance", least=1, most=1000)
+    steps: int = knob(20, "steps; each is one call of the network, or two with guidance", least=1, most=1000)
     shift: float = knob(0.0, "shift of the noise levels; 0 = that of the training, another one is warned of",
                         least=0, most=100)  # fmt: skip
     guidance: float = knob(1.0, "weight of the caption: 1 = as it is, in one call a step; above 1 = more",
