@@ -1,13 +1,16 @@
 """Trainings that are measured: two sizes of the transformer, a batch of random latents, the module of a stage."""
 
+from dataclasses import replace
+
 import torch
 
 from fracgen.conditioning import SCALARS
-from fracgen.config.model import Lora, Model
+from fracgen.config.model import Lora, Model, Vae
 from fracgen.config.train import Recipe, TrainConfig, Trainer
 from fracgen.data import Batch
 from fracgen.layout import CHANNELS, STREAMS
 from fracgen.memory.size import IMAGE_TOKENS, TEXT_TOKENS, Size
+from fracgen.train import TRAIN
 from fracgen.training import network
 from fracgen.training.module import Module
 
@@ -21,6 +24,11 @@ MODELS = {
 SIZES = {"tiny": Size(64, 64, 17, 5), "mid": Size(96, 96, 17, 5)}
 """480 and 1080 tokens."""
 MODES = ("none", "selective", "full")
+
+
+def small_vae(path: str = "", tile: int = 0) -> Vae:
+    """The configuration of vae=tiny; without a `path` its weights are random."""
+    return replace(TRAIN.compose("model=tiny", "vae=tiny").vae, path=path, tile=tile)
 
 
 def config(model: Model, checkpointing: str = "none", precision: str = "32-true") -> TrainConfig:

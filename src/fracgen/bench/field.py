@@ -14,7 +14,7 @@ from torch import Tensor
 from fracgen import data, encoders, flow, layout, model, vae
 from fracgen.bench import cases
 from fracgen.config.conditioning import Conditioning
-from fracgen.config.model import Encoders, Vae
+from fracgen.config.model import Encoders
 from fracgen.denoiser import Inputs
 from fracgen.layout import CHANNELS, PATCH, STREAMS
 from fracgen.memory.size import TEXT_TOKENS, Size
@@ -23,9 +23,6 @@ from fracgen.model.load import keeps_float32
 from fracgen.sampling import generate, trained_run
 from fracgen.training import network, noising
 from fracgen.vae import FrozenVae
-
-SMALL_VAE = {"base_dim": 16, "dim_mult": [1, 2, 2, 2], "res_blocks": 1}
-"""Sizes of vae=tiny."""
 
 
 class Source(NamedTuple):
@@ -86,8 +83,7 @@ def load(source: Source) -> Field:
 
 def _of_run(source: Source) -> Field:
     run = trained_run.load(source.run)
-    vae_cfg = Vae(path=source.vae, **SMALL_VAE)  # type: ignore[arg-type]
-    run.check_vae(vae.identity_of(vae_cfg))
+    run.check_vae(vae.identity_of(cases.small_vae(source.vae)))
     cfg = run.about["config"]
     cache = data.open(cfg["data"]["folder"]).only(run.streams, image=run.model.image_dim > 0)
     numbers = cache.numbers(cfg["data"]["train_split"], cfg["data"]["objects"])[: source.clips]
@@ -103,7 +99,7 @@ def _of_run(source: Source) -> Field:
         build, lambda: model.build(run.model, run.streams), _floats(inputs),
         encoders.pad(encoders.text(words, run.model.text_dim).encode([""])),
         generate.initial(inputs, 0, batch.ids), layout.join(batch.latents).float(), run.streams, run.shift,
-        lambda tile: vae.load(Vae(path=source.vae, tile=tile, **SMALL_VAE)),  # type: ignore[arg-type]
+        lambda tile: vae.load(cases.small_vae(source.vae, tile)),
         f"{Path(source.run).name}, {len(numbers)} clip(s) of {cache.about['frames']} frames, "
         f"{cache.about['width']} x {cache.about['height']} px, {len(run.streams)} stream(s)",
     )  # fmt: skip
@@ -121,7 +117,7 @@ def _random() -> Field:
     return Field(
         build, lambda: build(torch.float32), inputs, torch.zeros(1, TEXT_TOKENS, tiny.text_dim),
         generate.initial(inputs, 0, [0]), layout.join(batch.latents), STREAMS, 5.0,
-        lambda tile: vae.load(Vae(base_dim=4, dim_mult=[1, 1, 1, 1], res_blocks=1, tile=tile)),
+        lambda tile: vae.load(cases.small_vae(tile=tile)),
         f"random weights, {size.frames} frames, {size.width} x {size.height} px",
     )  # fmt: skip
 

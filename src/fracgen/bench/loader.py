@@ -20,7 +20,6 @@ from fracgen import data, vae
 from fracgen.bench import cases
 from fracgen.bench.record import Row, median
 from fracgen.bench.step import seconds
-from fracgen.config.model import Vae
 from fracgen.config.train import Data, Logger, Recipe, Runs, Stages, TrainConfig
 from fracgen.data import synthetic
 from fracgen.layout import STREAMS
@@ -51,7 +50,7 @@ def rows(quick: bool = False) -> Iterator[Row]:
 
 def reading(latents: Path, size: Size, repeats: int) -> Iterator[Row]:
     """A clip with all its streams from the cache, and its six videos through the small VAE."""
-    cache, encoder = data.open(latents), vae.load(Vae(base_dim=16, dim_mult=[1, 2, 2, 2], res_blocks=1))
+    cache, encoder = data.open(latents), vae.load(cases.small_vae())
     video = torch.rand(1, 3, size.frames, size.height, size.width)
     read = seconds(lambda: [cache[k] for k in range(CLIPS)], repeats)
     live = seconds(lambda: [encoder.encode(video) for _ in (*STREAMS, "force")], repeats)

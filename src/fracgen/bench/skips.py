@@ -18,7 +18,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from fracgen import flow, layout, vae
 from fracgen.bench import cases
 from fracgen.bench.record import Row
-from fracgen.config.model import Model, Vae
+from fracgen.config.model import Model
 from fracgen.denoiser import Inputs
 from fracgen.encoders import clip, umt5
 from fracgen.layout import RGB, STREAMS
@@ -60,7 +60,7 @@ def pair(what: str, label: str, always: Callable[[], object], skipped: Callable[
 
 def maps(size: Size, repeats: int) -> Iterator[Row]:
     """A stage or a user that asks for colour only: no map is encoded, predicted or decoded."""
-    network_ = vae.load(Vae(base_dim=16, dim_mult=[1, 2, 2, 2], res_blocks=1))
+    network_ = vae.load(cases.small_vae())
     video = torch.rand(1, 3, size.frames, size.height, size.width)
     latent = network_.encode(video)
     shape = f"{size.frames} frames, {size.width} x {size.height} px, vae=tiny"
