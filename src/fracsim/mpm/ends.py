@@ -56,7 +56,7 @@ class End(NamedTuple):
         across = self.pitch == 1
         gap = (face - self.soft) % 1
         strain = [np.interp(gap, self.gap, column) if across else column.max() for column in self.strain.T]
-        return np.interp(distance, BESIDE, np.maximum(np.array(strain) - 1, 0), left=0, right=0)
+        return np.asarray(np.interp(distance, BESIDE, np.maximum(np.array(strain) - 1, 0), left=0, right=0))
 
 
 @cache

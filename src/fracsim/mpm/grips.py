@@ -79,7 +79,7 @@ class Grips:
 
     def exempt(self, x: Array) -> Array:
         """Which particles at rest at x [m], (N, 3), gather no damage: those that a grip holds, (N,) bool."""
-        return (self.side(x) != 0) & (not self.damage_near)
+        return np.asarray((self.side(x) != 0) & (not self.damage_near))
 
     def excess(self, x: Array, spacing: float) -> Array:
         """By how much particles at rest at x [m], (N, 3), strain more where the load enters, relative, (N,).
