@@ -59,7 +59,7 @@ def sweep() -> list[Part]:
 
 
 def train(videos: Sequence[str] = ()) -> list[Part]:
-    """What `fracgen.training` logs with logger=wandb; `videos` are names of validation clips."""
+    """What `fracgen.training` logs with logger.kind=wandb; `videos` are names of validation clips."""
     from fracgen.layout import STREAMS
     from fracgen.training.meter import LABELS
 

@@ -142,7 +142,7 @@ def test_a_finished_run_is_repeated_on_request(latents: Path, tmp_path: Path) ->
 
 # Identity
 
-SAME = ("name=other", "logger=none", "logger.videos=3", "data.workers=3", "trainer.batch=2", "trainer.devices=2",
+SAME = ("name=other", "logger.kind=none", "logger.videos=3", "data.workers=3", "trainer.batch=2", "trainer.devices=2",
         "trainer.checkpointing=full", "trainer.val_steps=1", "trainer.log_steps=3", "trainer.save_steps=2",
         "data.val_limit=1", "loss.lambda_const=0.7", "loss.ramp=3", "stages.stage3.lr=1e-2", "vae=tiny")  # fmt: skip
 OTHER = ("seed=1", "loss.shift=1", "loss.map_weights=[1,2,1,1,1]", "trainer.effective_batch=2", "trainer.ema=0.9",

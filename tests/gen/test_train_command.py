@@ -154,7 +154,7 @@ def test_a_table_gains_columns_joins_rows_and_goes_on_from_a_step(tmp_path: Path
 
 
 def test_nothing_is_logged_without_a_logger(latents: Path, tmp_path: Path) -> None:
-    (run,) = stages.run(config(tmp_path, latents, "logger=none", "stages.stage1.steps=1"))
+    (run,) = stages.run(config(tmp_path, latents, "logger.kind=none", "stages.stage1.steps=1"))
     assert not (run.folder / "metrics.csv").exists()
 
 
@@ -163,7 +163,7 @@ def test_wandb_is_offline_without_a_key(latents: Path, tmp_path: Path, monkeypat
     for name in ("WANDB_API_KEY", "WANDB_MODE"):
         monkeypatch.delenv(name, raising=False)
     more = (
-        "logger=wandb",
+        "logger.kind=wandb",
         "vae=tiny",
         "logger.videos=1",
         "logger.video_steps=1",

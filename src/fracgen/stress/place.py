@@ -28,7 +28,7 @@ TEXT, SIZE, FRAMES = 16, 32, 5
 TRAINING = (
     "model=tiny", "model.layers=1", "model.heads=2", "model.head_dim=16", "model.ffn_dim=32", f"model.text_dim={TEXT}",
     "trainer=cpu", "trainer.batch=1", "trainer.effective_batch=2", "trainer.val_steps=0", "data.workers=0",
-    "logger=none", "logger.videos=0", "stages.stage1.streams=[rgb,flow,strain,stress,damage]",
+    "logger.kind=none", "logger.videos=0", "stages.stage1.streams=[rgb,flow,strain,stress,damage]",
     "stages.stage1.constitutive=true", "stages.stage1.steps=2", "stages.stage1.warmup=1",
 )  # fmt: skip
 """A stage with all streams and losses, of two steps."""

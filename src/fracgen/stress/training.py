@@ -47,7 +47,7 @@ def cases() -> list[Case]:
 
 def trains(cache: Path, folder: Path, *overrides: str) -> Iterator[Array | Tensor]:
     """What was trained, and all that the curves say."""
-    (run,) = train(folder, cache, "logger=csv", "logger.videos=0", "trainer.log_steps=1", *overrides)
+    (run,) = train(folder, cache, "logger.kind=csv", "logger.videos=0", "trainer.log_steps=1", *overrides)
     tensors, _ = trained.read(run.folder)
     yield from tensors.values()
     with (run.folder / METRICS).open(newline="", encoding="utf-8") as file:
