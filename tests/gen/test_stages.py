@@ -49,7 +49,7 @@ def ids(folder: Path, latents: Path, *more: str, stage: int = 2) -> str:
     return stages.wanted_before(cfg, stage + 1, data, "base").id
 
 
-FILES = {"config.yaml", "last.ckpt", "trained.safetensors", "metrics.csv", "run.json"}
+FILES = {"losses.png", "config.yaml", "last.ckpt", "trained.safetensors", "metrics.csv", "run.json"}
 
 
 def test_a_finished_run_has_its_files(three: list[Run]) -> None:
