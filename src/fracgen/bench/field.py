@@ -98,9 +98,9 @@ def _of_run(source: Source) -> Field:
     return Field(
         build, lambda: model.build(run.model, run.streams), _floats(inputs),
         encoders.pad(encoders.text(words, run.model.text_dim).encode([""])),
-        generate.initial(inputs, 0, batch.ids), layout.join(batch.latents).float(), run.streams, run.shift,
-        lambda tile: vae.load(cases.small_vae(source.vae, tile)),
-        f"{Path(source.run).name}, {len(numbers)} clip(s) of {cache.about['frames']} frames, "
+        generate.initial(inputs, 0, batch.ids), layout.join(batch.latents).float(), streams=run.streams,
+        shift=run.shift, decoder=lambda tile: vae.load(cases.small_vae(source.vae, tile)),
+        label=f"{Path(source.run).name}, {len(numbers)} clip(s) of {cache.about['frames']} frames, "
         f"{cache.about['width']} x {cache.about['height']} px, {len(run.streams)} stream(s)",
     )  # fmt: skip
 
@@ -116,9 +116,9 @@ def _random() -> Field:
 
     return Field(
         build, lambda: build(torch.float32), inputs, torch.zeros(1, TEXT_TOKENS, tiny.text_dim),
-        generate.initial(inputs, 0, [0]), layout.join(batch.latents), STREAMS, 5.0,
-        lambda tile: vae.load(cases.small_vae(tile=tile)),
-        f"random weights, {size.frames} frames, {size.width} x {size.height} px",
+        generate.initial(inputs, 0, [0]), layout.join(batch.latents), streams=STREAMS, shift=5.0,
+        decoder=lambda tile: vae.load(cases.small_vae(tile=tile)),
+        label=f"random weights, {size.frames} frames, {size.width} x {size.height} px",
     )  # fmt: skip
 
 

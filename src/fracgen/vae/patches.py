@@ -84,7 +84,7 @@ class Encoder(nn.Module):
         self.trunk = _Trunk(VALUES, width, blocks, 2 * CHANNELS)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int]) -> Tensor:
-        """Encode one chunk; `feat_cache` holds the last patches of the chunks before."""
+        """Encode one chunk; `feat_cache` holds the last patches of the chunks before, any shape."""
         patches = cut(x)
         linear = functional.pad(self.linear(patches), (0, 0) * 3 + (0, CHANNELS))
         out: Tensor = linear + self.trunk(patches, feat_cache, feat_idx)
@@ -100,7 +100,7 @@ class Decoder(nn.Module):
         self.trunk = _Trunk(CHANNELS, width, blocks, VALUES)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int], first_chunk: bool = False) -> Tensor:
-        """Decode one chunk; `feat_cache` holds the last latents of the chunks before."""
+        """Decode one chunk; `feat_cache` holds the last latents of the chunks before, any shape."""
         frames = join(self.linear(x) + self.trunk(x, feat_cache, feat_idx))
         return frames[:, :, TIME - 1 :] if first_chunk else frames
 
@@ -115,7 +115,7 @@ def cut(x: Tensor) -> Tensor:
 
 
 def join(patches: Tensor) -> Tensor:
-    """The inverse of `cut`."""
+    """The inverse of `cut`, any shape."""
     b, _, t, h, w = patches.shape
     parts = patches.reshape(b, 3, TIME, SPACE, SPACE, t, h, w).permute(0, 1, 5, 2, 6, 3, 7, 4)
     return parts.reshape(b, 3, t * TIME, h * SPACE, w * SPACE)
@@ -129,7 +129,7 @@ def principal(patches: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def smooth() -> tuple[Tensor, Tensor, Tensor]:
-    """The same of pixels in [-1, 1] whose correlation falls exponentially with distance: nearly cosines."""
+    """The same of pixels in [-1, 1] whose correlation falls exponentially with distance: nearly cosines, any shape."""
     covariance = torch.ones(1, 1)
     for size in (3, TIME, SPACE, SPACE):
         place = torch.arange(size)
