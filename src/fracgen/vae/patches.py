@@ -76,7 +76,7 @@ class _Trunk(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Chunks [B, 3, 1 or 4 n, h, w] to means and log variances [B, 32, 1 or n, h / 8, w / 8]."""
+    """Chunks [B, 3, 1 or 4 n, h, w] to means and log variances [B, 32, 1 or n, h / 8, w / 8], any shape."""
 
     def __init__(self, width: int, blocks: int) -> None:
         super().__init__()
