@@ -68,6 +68,7 @@ class _Trunk(nn.Module):
             nn.init.zeros_(weight)
 
     def forward(self, x: Tensor, feat_cache: list[Any], feat_idx: list[int]) -> Tensor:
+        """What the neighbours add to patches [B, C, T, H, W]; `feat_cache` holds those of the chunks before."""
         x = self.conv_in(x)
         for block in self.blocks:
             x = block(x, feat_cache=feat_cache, feat_idx=feat_idx)
@@ -76,7 +77,7 @@ class _Trunk(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Chunks [B, 3, 1 or 4 n, h, w] to means and log variances [B, 32, 1 or n, h / 8, w / 8], any shape."""
+    """Chunks [B, 3, 1 or 4 n, h, w] to means and log variances [B, 32, 1 or n, h / 8, w / 8]."""
 
     def __init__(self, width: int, blocks: int) -> None:
         super().__init__()
