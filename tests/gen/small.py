@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from fracgen.config.model import Lora, Model
-from fracgen.model import FracTransformer, build, empty
+from fracgen.model import FracTransformer, adapter, build, empty
 
 STREAMS = ("rgb", "damage")
 SIZES = {"layers": 2, "heads": 2, "head_dim": 16, "ffn_dim": 48, "text_dim": 12, "image_dim": 0}
@@ -45,3 +45,17 @@ def gradients(transformer: FracTransformer) -> dict[str, Tensor]:
     transformer.zero_grad()
     forward(transformer).square().mean().backward()
     return {n: p.grad.clone() for n, p in transformer.named_parameters() if p.requires_grad and p.grad is not None}
+
+
+def prepared(**changes: Any) -> FracTransformer:
+    """A transformer with adapters, after a step, so that lora_B is not 0 and every gradient is alive."""
+    cfg = config(**changes)
+    transformer = plain(cfg)
+    adapter.prepare(transformer, cfg)
+    train(transformer, steps=1)
+    return transformer
+
+
+def equal(first: dict[str, Tensor], second: dict[str, Tensor]) -> bool:
+    """Whether two dictionaries have the same tensors, bit for bit."""
+    return first.keys() == second.keys() and all(torch.equal(first[n], second[n]) for n in first)
