@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from fracsim.asset import limits, paint, surface
+from fracsim.asset import limits, mesh_file, paint, surface
 from fracsim.scene.vocab import Asset
 
 from .meshes import BALL, DUCK, SPACING, colours, hues, pieces, prepared, scaled, solid_angle_winding
@@ -184,7 +184,7 @@ def test_duck():
     assert any("welding" in note for note in particles.notes)
     assert len(pieces(particles, 1.6 * 0.012)) == 1
     # No particle outside: the oracle sees every one of them within the surface.
-    placed = surface.read(str(DUCK)).corners
+    placed = mesh_file.read(str(DUCK)).corners
     placed = (placed - (placed.min((0, 1)) + placed.max((0, 1))) / 2) * 0.6 / np.ptp(placed, axis=(0, 1)).max() + 1
     some = np.random.default_rng(0).choice(len(particles), 300, replace=False)
     assert (solid_angle_winding(placed, particles.X[some].astype(float)) > 0.5).all()

@@ -34,12 +34,13 @@ def build(cfg: TrainConfig, run: Run, first: int) -> list[Logger]:
 
 def _wandb(cfg: TrainConfig, run: Run) -> Logger:
     """A run of wandb under the name of the folder, whose axis is the number of optimiser steps."""
-    online = bool(os.environ.get("WANDB_API_KEY")) or os.environ.get("WANDB_MODE") == "online"
+    mode = os.environ.get("WANDB_MODE") or ("online" if os.environ.get("WANDB_API_KEY") else "offline")
     try:
         logger = WandbLogger(
-            name=run.folder.name, id=run.folder.name, resume="allow", save_dir=run.folder, offline=not online,
+            name=run.folder.name, id=run.folder.name, resume="allow", save_dir=run.folder, offline=mode == "offline",
             project=cfg.logger.project, group=cfg.logger.group or cfg.name or None, job_type="fracgen.train",
-            config=asdict(cfg), tags=[f"stage{run.stage}", *([cfg.name] if cfg.name else [])], log_model=False,
+            config=asdict(cfg), mode=mode,
+            tags=[f"stage{run.stage}", *([cfg.name] if cfg.name else [])], log_model=False,
         )  # fmt: skip
     except ModuleNotFoundError:
         raise ValueError("logger.kind=wandb needs the package wandb: pip install 'fracsim[watch]', or set "
