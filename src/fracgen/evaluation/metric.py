@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torchmetrics import Metric as TorchMetric
 
-from fracgen.metrics.clip import Pair
+from fracgen.evaluation.clip import Pair
 from fracsim.records import Array
 
 Observation = Mapping[str, Array]
