@@ -19,6 +19,8 @@ from fracgen.evaluation.table import ARROWS, METRICS, number, result
 
 HEAD = ("row", "metric", "paper", "ours [95 %]", "n", "command")
 NONE = "–"
+Row = tuple[str, Sequence[float | None], Sequence[Column]]
+"""A row of a table: its name, the paper's figures, and what they are of."""
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,14 @@ def _plain(name: str) -> str:
 def tables(found: Sequence[Evaluation]) -> str:
     """The three tables in Markdown, and the commands."""
     keys = {str(one.path): chr(ord("A") + k) if k < 26 else f"A{k}" for k, one in enumerate(found)}
-    ablation = [(row, figures, paper.ABLATED) for row, figures in paper.STAGES.items()]
-    first = [(row, figures, paper.QUALITY) for row, figures in paper.TABLE_1.items()]
-    baselines = [(row, figures, paper.QUALITY) for row, figures in paper.BASELINES.items()]
+    ablation: list[Row] = [(row, figures, paper.ABLATED) for row, figures in paper.STAGES.items()]
+    first: list[Row] = [(row, figures, paper.QUALITY) for row, figures in paper.TABLE_1.items()]
+    baselines: list[Row] = [(row, figures, paper.QUALITY) for row, figures in paper.BASELINES.items()]
     known = [*paper.STAGES, *paper.TABLE_1, *paper.BASELINES]
     others = [one for one in found if not any(one.fits(row) for row in known)]
     for one in others:
         place, columns = (ablation, paper.ABLATED) if one.stage else (first, paper.QUALITY)
-        place.append((one.name or str(one.path), (None,) * len(columns), columns))
+        place.append((one.name or str(one.path), [None] * len(columns), columns))
     parts = [
         _table("Table 1: the held-out test set", first, found, keys),
         _table("Ablation: the stages", ablation, found, keys),
@@ -98,10 +100,7 @@ def tables(found: Sequence[Evaluation]) -> str:
     return "\n".join(parts)
 
 
-def _table(
-    title: str, rows: Sequence[tuple[str, Sequence[float | None], Sequence[Column]]], found: Sequence[Evaluation],
-    keys: Mapping[str, str],
-) -> str:  # fmt: skip
+def _table(title: str, rows: Sequence[Row], found: Sequence[Evaluation], keys: Mapping[str, str]) -> str:
     """A table with a line a figure."""
     lines = [_line(HEAD), _line(["---"] * len(HEAD))]
     for row, figures, columns in rows:

@@ -96,7 +96,12 @@ def test_a_simulation_of_another_quality_is_paired_by_its_scene(tmp_path: Path) 
 
 
 def test_a_csv_file_names_pairs_and_groups(films: Path) -> None:
-    lines = ("pred,gt,object,speed", "pred/a.mkv,gt/b.mkv,ring,1.5", "pred/b.mkv,gt/a.mkv,star,2", "pred/no.mkv,gt/a.mkv")
+    lines = (
+        "pred,gt,object,speed",
+        "pred/a.mkv,gt/b.mkv,ring,1.5",
+        "pred/b.mkv,gt/a.mkv,star,2",
+        "pred/no.mkv,gt/a.mkv",
+    )
     (films / "pairs.csv").write_text("\n".join(lines))
     cfg = config(films, pred=str(films / "pairs.csv"), gt="", by=["object", "speed"])
     done = job.run(cfg)
@@ -256,9 +261,7 @@ def test_help_and_errors_need_no_torch() -> None:
     assert done.stdout == "False\n", done.stderr
 
 
-def test_pictures_and_a_run_of_wandb_mirror_what_is_on_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pictures_and_a_run_of_wandb_mirror_what_is_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WANDB_MODE", "offline")
     monkeypatch.setenv("WANDB_SILENT", "true")
     monkeypatch.delenv("WANDB_API_KEY", raising=False)

@@ -5,7 +5,8 @@ same scene with other particles, the noise floor. axis: answers to SAC that do n
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,11 @@ def couples(found: Paired, cfg: EvaluateConfig) -> dict[str, list[Couple]]:
     with_truth = [couple for couple in found.couples if couple.gt is not None]
     count = min(cfg.control_clips or len(with_truth), len(with_truth))
     chosen = [with_truth[k] for k in np.linspace(0, len(with_truth) - 1, count).round().astype(int)] if count else []
-    twin = _twins(found.truths)
-    makers = {"truth": _itself, "static": _standing, "twins": lambda couple: _beside(couple, twin)}
+    makers: dict[str, Callable[[Couple], Couple | None]] = {
+        "truth": _itself,
+        "static": _standing,
+        "twins": partial(_beside, twin=_twins(found.truths)),
+    }
     made = {name: [c for couple in chosen if (c := make(couple)) is not None]
             for name, make in makers.items() if name in cfg.controls}  # fmt: skip
     return {name: list({c.name: c for c in some}.values()) for name, some in made.items() if some}

@@ -15,13 +15,11 @@ from fracgen.evaluation.pairing import Couple
 from fracgen.evaluation.sizes import Shrink, common
 from fracgen.evaluation.sources import Source
 from fracgen.evaluation.times import Length, choose
-from fracgen.layout import RGB
-from fracsim import codec, sample
+from fracgen.layout import DAMAGE, RGB
+from fracsim import codec, maps, registry, sample
 from fracsim.records import Array
 from fracsim.sample import Sample, Tracks, schema
-
-RELATIVE = "1"
-"""Unit of a map whose scale nobody knows, and of plain numbers."""
+from fracsim.sample.identity import FRACSIM
 
 
 def pair(couple: Couple, cfg: EvaluateConfig) -> Pair:
@@ -94,7 +92,7 @@ class _Opened:
         if not self.source.is_sample:
             return self.film.rgb[numbers]
         first = int(numbers.min())
-        return self.sample.read(stream, first, int(numbers.max()) + 1)[numbers - first]
+        return np.asarray(self.sample.read(stream, first, int(numbers.max()) + 1)[numbers - first])
 
 
 def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, cfg: EvaluateConfig) -> Clip:
@@ -105,9 +103,9 @@ def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, cfg: Eval
         meta = opened.sample.meta
         if not meta["rgb"]:
             del loads[RGB]
-        for which, info in meta["maps"].items():
+        for which in meta["maps"]:
             loads[which] = _Map(opened, which, numbers, shrink, _percentile(opened, cfg), scales)
-            if info["scale"] is not None or info["unit"] != RELATIVE:
+            if _fixed(opened.sample, which) != 1 or which == DAMAGE:
                 scales.names.append(which)
         if meta["alpha"]:
             loads[ALPHA] = lambda: shrink(opened.raw(ALPHA, numbers)[..., None])[..., 0]
@@ -161,10 +159,17 @@ class _Map:
         values = self.shrink(self.opened.raw(self.name, self.numbers))
         if not np.isfinite(values).all():
             raise ValueError(f"{self.name} of {self.opened.source.name} has values that are not finite")
-        fixed = self.opened.sample.meta["maps"][self.name]["scale"]
-        scale = codec.scale(values, self.percentile) if fixed is None else float(fixed)
+        fixed = _fixed(self.opened.sample, self.name)
+        scale = codec.scale(values, self.percentile) if fixed is None else fixed
         self.scales.found[self.name] = scale
         return pictures.shown(values, scale)
+
+
+def _fixed(clip: Sample, name: str) -> float | None:
+    """The value of a map that is shown as 1, where that does not depend on the clip's own values."""
+    if clip.producer != FRACSIM:
+        return float(clip.meta["maps"][name]["scale"])
+    return maps.load(name).SCALE if name in registry.names("fracsim.maps") else None
 
 
 def _colour(frames: Array) -> Array:

@@ -116,8 +116,7 @@ def _each(
         for couple, names in work:
             yield look(couple, {name: metrics[name] for name in names}, cfg)
         return
-    names = set(metrics)
-    start = (_start, ([choice for choice in chosen if choice.name in names], cfg))
+    start = (_start, ([choice for choice in chosen if choice.name in metrics], cfg))
     pool = ProcessPoolExecutor(min(cfg.workers, len(work)), get_context("spawn"), *start)
     try:
         yield from _ahead(pool, _work, work, AHEAD * cfg.workers)

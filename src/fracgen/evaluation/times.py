@@ -71,7 +71,7 @@ def _time(pred: Length, gt: Length, cfg: EvaluateConfig) -> Array:
     ours, theirs = (simulated, gt.fps) if gt.fps else (simulated or pred.played, gt.played)
     if not ours or not theirs:
         raise ValueError("alignment=time needs the rate of the predicted video in simulated time: set fps")
-    numbers = np.floor(np.arange(pred.frames) * (theirs / ours) + 0.5).astype(int)
+    numbers: Array = np.floor(np.arange(pred.frames) * (theirs / ours) + 0.5).astype(int)
     if numbers[-1] >= gt.frames:
         raise ValueError(f"it lasts {(pred.frames - 1) / ours:.3g} s, and its true clip only "
                          f"{(gt.frames - 1) / theirs:.3g} s: cut it, or set alignment=spread")  # fmt: skip

@@ -15,7 +15,7 @@ from fracgen.evaluation.table import label
 
 def numbers(document: Mapping[str, Any]) -> dict[str, float]:
     """Every defined result by its name, as eval/sac and eval/object/star/sac."""
-    out = {}
+    out: dict[str, float] = {}
     for metric, entry in document["metrics"].items():
         groups = {f"{group}/{value}/": found for group, some in entry["by"].items() for value, found in some.items()}
         for place, found in {"": entry, **groups}.items():
@@ -35,7 +35,7 @@ def log(folder: Path, document: Mapping[str, Any], clips: Sequence[Mapping[str, 
     mode: Any = os.environ.get("WANDB_MODE") or ("online" if os.environ.get("WANDB_API_KEY") else "offline")
     with wandb.init(project=cfg.project, job_type="fracgen.evaluate", dir=str(folder), mode=mode,
                     config={"run": document["run"], "settings": document["settings"]}) as run:  # fmt: skip
-        columns = list(dict.fromkeys(name for row in clips for name in row))
-        table = wandb.Table(columns=columns, data=[[row.get(name, "") for name in columns] for row in clips])
+        columns: list[str | int] = list(dict.fromkeys(name for row in clips for name in row))
+        table = wandb.Table(columns=columns, data=[[row.get(str(name), "") for name in columns] for row in clips])
         pictures = {f"plots/{path.stem}": wandb.Image(str(path)) for path in plots.files(folder)}
         run.log({**numbers(document), **pictures, "clips": table})
