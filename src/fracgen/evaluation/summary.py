@@ -62,6 +62,7 @@ def shown(value: Any) -> str:
 
 def whole(metric: Metric, rows: Rows, by: Sequence[str], resamples: int, seed: int) -> dict[str, Any]:
     """The entry of a metric in metrics.json."""
+    resamples = min(resamples, metric.resamples)
     groups = {name: by_group(metric, rows, name, resamples, seed) for name in by}
     return {
         "about": metric.about(),
