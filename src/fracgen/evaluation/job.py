@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,7 @@ def run(cfg: EvaluateConfig) -> Done:
     journal = Journal(folder, cfg.output.overwrite)
     seen = observe(found.couples, chosen, ready.metrics, cfg, journal)
     metrics = _with_results(ready.metrics, seen)
-    quick = replace(cfg, resamples=min(cfg.resamples, 200))
-    beside = {name: (couples, observe(couples, chosen, metrics, quick, journal, f"control: {name}"))
+    beside = {name: (couples, observe(couples, chosen, metrics, cfg, journal, f"control: {name}"))
               for name, couples in controls.couples(found, cfg).items()}  # fmt: skip
     document = _document(cfg, found, seen, metrics, {**_lacking(seen), **ready.missing, **seen.missing})
     document["controls"] = _controls(cfg, beside, metrics, seen)
