@@ -1,9 +1,11 @@
 """`python -m fracgen.evaluate`: what is paired, what is observed and when, what is written, how it goes on."""
 
 import csv
+import gc
 import json
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from PIL import Image
 
 from fracgen import evaluate as command
 from fracgen.config.evaluate import Scores
-from fracgen.evaluation import job, load, observe, pairing
+from fracgen.evaluation import code, job, load, observe, pairing
 from fracgen.evaluation.clip import TRACKS, LackingError, Pair
 from fracgen.evaluation.journal import FILE
 from fracsim.sample import read
@@ -280,3 +282,29 @@ def test_needs_are_checked_before_anything_is_decoded(films: Path) -> None:
     couple = pairing.pairs(config(films)).couples[0]
     with pytest.raises(LackingError, match="a has no damage; it has rgb"):
         observe._check(load.pair(couple, replace(config(films))).pred, ("rgb", "damage"))
+
+
+def test_what_an_observation_rests_on_are_all_files_that_are_imported(tmp_path: Path) -> None:
+    """The base of metrics, and what that imports; a changed line is another hash."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from fracgen.evaluation.metric import Metric\n")
+    before = code.digest(mine)
+    assert {path.name for path in code._imported(mine.read_bytes())} == {"metric.py"}
+    assert code.digest(mine) == before
+    mine.write_text(mine.read_text() + "# changed\n")
+    assert code.digest(mine) != before
+
+
+def test_one_pair_is_in_memory_at_a_time(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, alive = load.pair, []
+
+    def counted(*arguments: object) -> Pair:
+        gc.collect()
+        assert [there for one in alive if (there := one()) is not None] == []
+        made = pair(*arguments)  # type: ignore[arg-type]
+        alive.extend([weakref.ref(made), weakref.ref(made.pred)])
+        return made
+
+    monkeypatch.setattr(load, "pair", counted)
+    assert job.run(config(films)).document["metrics"]["brightness"]["n"] == 3
+    assert len(alive) == 6
