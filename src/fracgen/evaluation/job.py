@@ -1,5 +1,6 @@
 """One evaluation: from its configuration to results on disk."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -91,10 +92,15 @@ def _faults(found: Paired, seen: Observed) -> list[Fault]:
 def _told(found: Paired, seen: Observed) -> list[str]:
     """A line for each reason, with the number of clips and the first of them."""
     faults = _faults(found, seen)
-    counts = Counter((fault.metric, fault.reason.replace(fault.clip, "it")) for fault in faults)
-    first = {(fault.metric, fault.reason.replace(fault.clip, "it")): fault.clip for fault in reversed(faults)}
+    counts = Counter((fault.metric, _alike(fault)) for fault in faults)
+    first = {(fault.metric, _alike(fault)): fault.clip for fault in reversed(faults)}
     return [f"{count} clip(s), as {first[metric, why]}: {f'{metric}: ' if metric else ''}{why}"
             for (metric, why), count in counts.items()]  # fmt: skip
+
+
+def _alike(fault: Fault) -> str:
+    """A reason without the name of its clip, so that equal ones can be counted."""
+    return re.sub(rf"(?<![\w/]){re.escape(fault.clip)}(?![\w/.])", "it", fault.reason)
 
 
 def _document(
