@@ -11,6 +11,7 @@ import numpy as np
 
 from fracgen.config.evaluate import EvaluateConfig
 from fracgen.evaluation import choose, controls, pairing, plots, report, sources, summary, table, wandb_run
+from fracgen.evaluation.coded import vae_of
 from fracgen.evaluation.journal import Journal
 from fracgen.evaluation.metric import Metric
 from fracgen.evaluation.observe import Observed, observe
@@ -40,6 +41,8 @@ def run(cfg: EvaluateConfig) -> Done:
         raise ValueError("metric=[] holds no metric: name some, as metric=[psnr,sac].")
     ready = choose.build(chosen, cfg.missing_weights)
     found = pairing.pairs(cfg)
+    if "vae" in cfg.controls and cfg.vae.path:
+        vae_of(cfg.vae)  # bad weights are told before the work
     folder = output(cfg)
     journal = Journal(folder, cfg.output.overwrite)
     seen = observe(found.couples, chosen, ready.metrics, cfg, journal)
@@ -131,7 +134,8 @@ def _controls(
     for name, (couples, observed) in beside.items():
         found = {metric: summary.results(metrics[metric], rows, 0, cfg.seed)
                  for metric, rows in observed.rows.items() if rows}  # fmt: skip
-        out[name] = {"about": controls.ABOUT[name], "n": len(couples), "metrics": found}
+        out[name] = {"about": controls.ABOUT[name], "n": len(couples), "metrics": found,
+                     "faults": [asdict(fault) for fault in observed.faults + observed.lacking]}  # fmt: skip
     rows = seen.rows.get("sac") or []
     if "axis" in cfg.controls and rows and "sac_angle_gt" in metrics["sac"].columns:
         sigma = float(metrics["sac"].about().get("sigma", 15.0))
