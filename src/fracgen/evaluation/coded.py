@@ -3,24 +3,27 @@
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
-from fracgen import vae
 from fracgen.config.model import Vae
 from fracgen.evaluation.clip import ALPHA, TRACKS, Clip
 from fracgen.layout import RGB
-from fracgen.vae import FrozenVae
 from fracsim.records import Array
 
-_loaded: dict[str, FrozenVae] = {}
+if TYPE_CHECKING:
+    from fracgen.vae import FrozenVae
+
+_loaded: "dict[str, FrozenVae]" = {}
 """The VAE of this process, by its configuration."""
 
 
-def vae_of(cfg: Vae) -> FrozenVae:
+def vae_of(cfg: Vae) -> "FrozenVae":
     """The VAE of a configuration, loaded once; raises ValueError for weights that are missing or do not fit."""
+    from fracgen import vae  # here, because it takes long to load and few evaluations need it
+
     key = repr(asdict(cfg))
     if key not in _loaded:
         _loaded[key] = vae.load(cfg, "cuda" if torch.cuda.is_available() else "cpu")

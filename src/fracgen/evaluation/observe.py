@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from typing import Any
@@ -132,9 +133,23 @@ def _ahead(pool: ProcessPoolExecutor, call: Callable[..., Seen], work: Sequence[
     for item in work:
         if len(waiting) >= most:
             yield waiting.pop(0).result()
-        waiting.append(pool.submit(call, *item))
+        with _undisturbed():
+            waiting.append(pool.submit(call, *item))
     for future in waiting:
         yield future.result()
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Ctrl-C waits until the end, and never reaches a process that is started meanwhile."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _here: dict[str, Any] = {}
