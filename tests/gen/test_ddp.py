@@ -22,7 +22,7 @@ from tests.gen.trainings import cache, config, curves, only, overrides
 
 MORE = ("stage=3", "init_from=none", "conditioning.drop_text=0.3", "trainer.log_steps=3", "trainer.val_steps=3",
         "loss.ramp=0", "data.val_limit=4", "vae=tiny", "metrics.clips=3", "logger.video_steps=1",
-        f"metrics.outside=[{grey.__file__}]")  # fmt: skip
+        "metric=[]", f"metrics.outside=[{grey.__file__}]")  # fmt: skip
 
 
 def test_two_processes_with_two_workers_each_equal_one(tmp_path: Path) -> None:
@@ -45,7 +45,7 @@ def test_two_processes_with_two_workers_each_equal_one(tmp_path: Path) -> None:
     assert rows.keys() == others.keys() == {3, 4}
     for step, row in rows.items():
         assert others[step] == pytest.approx(row, rel=1e-4, abs=1e-5)
-        assert row["val/n/grey"] == 3
+        assert row["val/count/clips/grey"] == 3
     tables = [(only(folder, 3) / "videos" / "step-000003" / "clips.csv").read_text() for folder in (one, two)]
     assert [[line.split(",")[0] for line in table.splitlines()] for table in tables] == [
         ["id", "clip0002", "clip0003", "clip0006"]] * 2  # fmt: skip

@@ -1,7 +1,7 @@
 """The benchmark's metrics during training: observed clip by clip, gathered from all processes, logged and written.
 
 `val/NAME` is a result over all clips, `val/CLASS/NAME` and `val/OBJECT/NAME` those of a group where there are several,
-`val/n/METRIC` how many clips were observed, `val/undefined/NAME` for how many of them a value is undefined.
+`val/count/clips/METRIC` how many clips were observed, `val/count/undefined/NAME` for how many a value is undefined.
 """
 
 import csv
@@ -12,20 +12,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 import torch.distributed as dist
 from lightning import Trainer
 from lightning.pytorch.loggers import WandbLogger
 
 from fracgen.config.train import TrainConfig
 from fracgen.data.index import Row
+from fracgen.evaluation import choose
 from fracgen.evaluation.clip import Pair
-from fracgen.evaluation.metric import Metric
-from fracgen.evaluation.weights import MissingWeightsError
+from fracgen.evaluation.metric import Metric, reduced
 from fracgen.training.curves import log
 from fracgen.training.ranks import rank
 from fracgen.training.runs import write
-from fracsim import registry
 
 TABLE = "clips.csv"
 PARAMETERS = ("id", "split", "object", "class", "E", "nu", "onset", "crit", "axis_deg")
@@ -79,9 +77,11 @@ class Scores:
             groups |= {f"val/{value}": numbers for value, numbers in members.items() if len(values) > 1}
         for name, metric in self.metrics.items():
             mine = [observed[name] for observed in seen.values() if name in observed]
-            yield f"val/n/{name}", float(len(mine))
+            if mine:
+                yield f"val/count/clips/{name}", float(len(mine))
             for shown in metric.shown:
-                yield f"val/undefined/{shown}", float(sum(math.isnan(float(one[shown])) for one in mine))
+                undefined = sum(math.isnan(float(one[shown])) for one in mine)
+                yield from [(f"val/count/undefined/{shown}", float(undefined))] * (undefined > 0)
             for group, numbers in groups.items():
                 found = reduced(metric, [seen[number][name] for number in numbers if name in seen[number]])
                 yield from ((f"{group}/{key}", value) for key, value in found.items() if math.isfinite(value))
@@ -100,46 +100,22 @@ class Scores:
 def build(cfg: TrainConfig, streams: Sequence[str]) -> dict[str, Metric]:
     """The metrics of a configuration that can be computed from `streams`, by their names.
 
-    Those that cannot, as their weights or a package are missing, are named with the reason. Raises ValueError for a
-    field that is not allowed.
+    Those that cannot, as weights or a package are missing, are named with the reason. Raises ValueError for a metric,
+    a field or a value that is not allowed.
     """
     metrics: dict[str, Metric] = {}
-    outside = {registry.label(name): name for name in cfg.metrics.outside}
-    for label in dict.fromkeys([*cfg.metric, *outside]):
+    for choice in choose.choices(cfg.metric, cfg.metrics.outside):
         try:
-            metric = make(outside.get(label, label), cfg.metric.get(label) or {})
-        except (MissingWeightsError, ImportError) as error:
-            _say(f"no {label} in the validation: {error}")
+            metric = choice.build()
+        except (ValueError, ImportError) as error:  # its fields are checked: what it rests on is not there
+            _say(f"no {choice.name} in the validation: {error}")
             continue
         lacking = [stream for stream in metric.needs if stream not in streams]
         if lacking:
-            _say(f"no {label} in the validation: it needs {', '.join(lacking)}, which this stage does not predict")
+            _say(f"no {choice.name} in the validation: this stage has no {', '.join(lacking)}")
         else:
-            metrics[label] = metric
+            metrics[choice.name] = metric
     return metrics
-
-
-def make(name: str, fields: Mapping[str, Any]) -> Metric:
-    """A metric with these fields of its settings; raises ValueError for one that is not allowed."""
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
-    module = registry.load("fracgen.metrics", name, "metric")
-    try:
-        merged = OmegaConf.merge(OmegaConf.structured(module.Settings), dict(fields))
-    except OmegaConfBaseException as error:
-        raise ValueError(f"metric.{registry.label(name)}: {str(error).splitlines()[0]}") from None
-    metric = module.build(OmegaConf.to_object(merged))
-    assert isinstance(metric, Metric)
-    return metric
-
-
-def reduced(metric: Metric, observed: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """The results of a metric over what it has observed of some clips; empty without any."""
-    if not observed:
-        return {}
-    stacked = {name: np.stack([np.asarray(one[name], np.float64) for one in observed]) for name in metric.columns}
-    return metric.reduce(stacked)
 
 
 def gathered(mine: Mapping[int, T]) -> dict[int, T]:
