@@ -256,7 +256,11 @@ def test_the_command_prints_the_table_and_where_it_lies(
 
 
 def test_help_and_errors_need_no_torch() -> None:
-    code = "import sys; from fracgen import evaluate as e, tables; e.EVALUATE.compose('seed=3'); print('torch' in sys.modules)"
+    code = """
+import sys
+from fracgen import evaluate, tables
+evaluate.EVALUATE.compose("seed=3")
+print("torch" in sys.modules)"""
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True)
     assert done.stdout == "False\n", done.stderr
 

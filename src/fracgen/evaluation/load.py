@@ -33,8 +33,8 @@ def pair(couple: Couple, cfg: EvaluateConfig) -> Pair:
         return _control(couple, pred, gt, cfg)
     chosen = choose(pred.length, gt.length if gt else None, cfg)
     shrink = common(pred.size, gt.size if gt else pred.size, cfg.resize)
-    shown = _clip(pred, chosen.pred, shrink[0], chosen.fps, cfg)
-    true = _clip(gt, chosen.gt, shrink[1], chosen.fps, cfg) if gt else None
+    shown = _clip(pred, chosen.pred, shrink[0], chosen.fps, pred.percentile(cfg))
+    true = _clip(gt, chosen.gt, shrink[1], chosen.fps, pred.percentile(cfg)) if gt else None
     return Pair(shown, true, couple.groups)
 
 
@@ -45,7 +45,7 @@ def _control(couple: Couple, pred: "_Opened", gt: "_Opened", cfg: EvaluateConfig
     chosen, shrink = choose(like.length, gt.length, cfg), common(like.size, gt.size, cfg.resize)[1]
     if (pred.size, pred.length.frames) != (gt.size, gt.length.frames):
         raise ValueError(f"{pred.source.name} has another size or length than {gt.source.name}")
-    shown, true = (_clip(one, chosen.gt, shrink, chosen.fps, cfg) for one in (pred, gt))
+    shown, true = (_clip(one, chosen.gt, shrink, chosen.fps, like.percentile(cfg)) for one in (pred, gt))
     if pred is gt:
         shown = true
     return Pair(_still(true) if couple.frozen else shown, true, couple.groups)
@@ -87,6 +87,10 @@ class _Opened:
         """How the training of a generated sample chose frames and scales; empty where nobody knows."""
         return self.sample.meta.get("encoding") or {} if self.source.is_sample else {}
 
+    def percentile(self, cfg: EvaluateConfig) -> float:
+        """The percentile by which the training of a generated sample scaled maps, or that of the configuration."""
+        return float(self.encoding.get("percentile") or cfg.percentile)
+
     def raw(self, stream: str, numbers: Array) -> Array:
         """Frames of a stream as they lie on disk, [F, H, W, C]; raises ValueError."""
         if not self.source.is_sample:
@@ -95,8 +99,8 @@ class _Opened:
         return np.asarray(self.sample.read(stream, first, int(numbers.max()) + 1)[numbers - first])
 
 
-def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, cfg: EvaluateConfig) -> Clip:
-    """A clip of the frames `numbers`, (F,), of an opened source."""
+def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, percentile: float) -> Clip:
+    """A clip of the frames `numbers`, (F,), of an opened source; `percentile` scales maps that were simulated."""
     name, scales = opened.source.name, _Scales()
     loads: dict[str, Callable[[], Any]] = {RGB: lambda: _colour(shrink(opened.raw(RGB, numbers)))}
     if opened.source.is_sample:
@@ -104,7 +108,7 @@ def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, cfg: Eval
         if not meta["rgb"]:
             del loads[RGB]
         for which in meta["maps"]:
-            loads[which] = _Map(opened, which, numbers, shrink, _percentile(opened, cfg), scales)
+            loads[which] = _Map(opened, which, numbers, shrink, percentile, scales)
             if _fixed(opened.sample, which) != 1 or which == DAMAGE:
                 scales.names.append(which)
         if meta["alpha"]:
@@ -115,10 +119,6 @@ def _clip(opened: _Opened, numbers: Array, shrink: Shrink, fps: float, cfg: Eval
     clip = Clip(name, len(numbers), height, width, fps, loads, scales)
     scales.load = clip.get
     return clip
-
-
-def _percentile(opened: _Opened, cfg: EvaluateConfig) -> float:
-    return float(opened.encoding.get("percentile") or cfg.percentile)
 
 
 class _Scales(Mapping[str, float]):
