@@ -6,6 +6,7 @@ Each is an `nn.Sequential` and the numbers of its layers that are compared.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor, nn
 
 
@@ -60,8 +61,14 @@ def shift_tolerant_alexnet() -> Backbone:
 class BlurPool(nn.Module):
     """Every second pixel of a picture that [1, 2, 1] / 4 has blurred along both axes, borders mirrored by 2 px."""
 
+    kernel: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        weights = torch.tensor([1.0, 2.0, 1.0]) / 4
+        self.register_buffer("kernel", torch.outer(weights, weights), persistent=False)
+
     def forward(self, x: Tensor) -> Tensor:
         """[B, C, H, W] to [B, C, (H + 1) // 2 + 1, (W + 1) // 2 + 1]."""
-        padded = nn.functional.pad(x, (2, 2, 2, 2), mode="reflect")
-        pool = nn.functional.avg_pool2d
-        return pool(pool(padded, 2, 1), 2, 2)  # two means of two are 1, 2, 1
+        padded, channels = nn.functional.pad(x, (2, 2, 2, 2), mode="reflect"), x.shape[1]
+        return nn.functional.conv2d(padded, self.kernel.expand(channels, 1, 3, 3), stride=2, groups=channels)
