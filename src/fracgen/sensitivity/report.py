@@ -42,9 +42,9 @@ def markdown(found: Sequence[Line]) -> str:
     """The results that have a direction, and below them what the cases are."""
     there = [case for case in ABOUT if any(line.case == case for line in found)]
     values = {(line.result, line.case): line for line in found if line.higher is not None}
-    rows = [[f"`{result}` {ARROWS[bool(values[result, case].higher)]}" for case in there if (result, case) in values][:1]
-            + [_number(values.get((result, case))) for case in there]
-            for result in dict.fromkeys(result for result, _ in values)]  # fmt: skip
+    arrows = {line.result: ARROWS[line.higher] for line in values.values() if line.higher is not None}
+    rows = [[f"`{result}` {arrow}", *(_number(values.get((result, case))) for case in there)]
+            for result, arrow in arrows.items()]  # fmt: skip
     counts = [str(max((line.n for line in found if line.case == case), default=0)) for case in there]
     table = [["", *there], ["---"] * (len(there) + 1), ["clips", *counts], *rows]
     about = [f"- **{case}**: {ABOUT[case]}" for case in there]
