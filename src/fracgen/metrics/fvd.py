@@ -77,7 +77,8 @@ def _factor(x: Array) -> Array:
     centred = (centred - centred.mean(0)) / np.sqrt(len(x) - 1)
     if len(x) <= x.shape[1]:
         return centred
-    return linalg.qr(centred, mode="r", overwrite_a=True, check_finite=False)[0][: x.shape[1]]  # type: ignore[no-any-return]
+    R: Array = linalg.qr(centred, mode="r", overwrite_a=True, check_finite=False)[0]
+    return R[: x.shape[1]]
 
 
 def extrapolated(x: Array, y: Array, splits: int = SPLITS) -> float:
