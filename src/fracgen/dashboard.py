@@ -27,7 +27,8 @@ SCORES = {
 }
 """Results of the metrics that a training measures by default, and their titles."""
 PARTS = {"PSNR": "psnr_.*", "SSIM": "ssim_.*", "errors of maps": "((mse|epe)_.*|maps)", "elastic law": "r2_.*",
-         "damage": "dpa_.*", "axis": "sac_.*", "clips, and those for which a value is undefined": "count/.*"}  # fmt: skip
+         "damage": "dpa_.*", "axis": "sac_.*",
+         "clips, and those for which a value is undefined": "count/.*"}  # fmt: skip
 """What else they say, as regular expressions."""
 
 
