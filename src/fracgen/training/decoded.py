@@ -53,14 +53,14 @@ def clip(
 def picture(clip: Clip, stream: str) -> Array:
     """A stream as people see it, (T, H, W, 3) uint8."""
     if stream == RGB:
-        return clip.rgb
+        return np.asarray(clip.rgb)
     shown = np.rint(255 * clip.map(stream)).astype(np.uint8)
     return np.asarray(np.broadcast_to(shown, (*shown.shape[:3], 3)))
 
 
 def pixels(decoder: FrozenVae, latent: Tensor) -> Array:
     """The frames (T, H, W, 3), bytes, of a latent [1, 16, t, h, w]."""
-    return np.rint(255 * _decoded(decoder, latent)).astype(np.uint8)
+    return np.asarray(np.rint(255 * _decoded(decoder, latent)).astype(np.uint8))
 
 
 def _decoded(decoder: FrozenVae, latent: Tensor) -> Array:
