@@ -76,7 +76,7 @@ def names(tmp_path_factory):
     """The names that a training with all streams, all losses and the default metrics logs."""
     place = tmp_path_factory.mktemp("dashboard")
     latents = trainings.cache(place / "latents", about={"vae": vae.identity_of(TRAIN.compose("vae=tiny").vae)})
-    more = ("stage=3", "init_from=none", "model.train=lora", "model.lora.rank=2", "vae=tiny", "metrics.clips=2",
+    more = ("stage=3", "init_from=none", "model.train=lora", "model.lora.rank=2", "vae=tiny", "measure.clips=2",
             "logger.videos=1", "logger.video_steps=1")  # fmt: skip
     (run,) = stages.run(trainings.config(place / "runs", latents, *more))
     with (run.folder / METRICS).open(newline="") as file:

@@ -21,8 +21,8 @@ from tests.gen import grey
 from tests.gen.trainings import cache, config, curves, only, overrides
 
 MORE = ("stage=3", "init_from=none", "conditioning.drop_text=0.3", "trainer.log_steps=3", "trainer.val_steps=3",
-        "loss.ramp=0", "data.val_limit=4", "vae=tiny", "metrics.clips=3", "logger.video_steps=1",
-        "metric=[]", f"metrics.outside=[{grey.__file__}]")  # fmt: skip
+        "loss.ramp=0", "data.val_limit=4", "vae=tiny", "measure.clips=3", "logger.video_steps=1",
+        "metric=[]", f"measure.outside=[{grey.__file__}]")  # fmt: skip
 
 
 def test_two_processes_with_two_workers_each_equal_one(tmp_path: Path) -> None:

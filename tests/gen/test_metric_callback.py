@@ -19,7 +19,7 @@ from tests.gen import grey
 from tests.gen.trainings import cache, config, curves
 
 GREY = grey.__file__
-ON = ("vae=tiny", "metrics.clips=3", f"metrics.outside=[{GREY}]", "metric=[]", "logger.video_steps=1")
+ON = ("vae=tiny", "measure.clips=3", f"measure.outside=[{GREY}]", "metric=[]", "logger.video_steps=1")
 """Three clips measured by one metric."""
 SHORT = ("init_from=none", *(f"stages.stage{k}.steps=2" for k in (1, 2, 3)))
 
@@ -103,14 +103,14 @@ def test_no_vae_is_loaded_where_nothing_is_wanted(
     latents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(vae, "load", lambda cfg: pytest.fail("the VAE was loaded"))
-    for k, none in enumerate(("metrics.clips=0", "metrics.outside=[]", "trainer.val_steps=0")):
+    for k, none in enumerate(("measure.clips=0", "measure.outside=[]", "trainer.val_steps=0")):
         assert train(tmp_path / str(k), latents, none).finished
 
 
 def test_metrics_are_measured_at_every_nth_validation_and_the_last_and_are_no_part_of_a_checkpoint(
     latents: Path, tmp_path: Path
 ) -> None:
-    run = train(tmp_path, latents, "stages.stage1.steps=5", "trainer.val_steps=1", "metrics.every_n_val=2")
+    run = train(tmp_path, latents, "stages.stage1.steps=5", "trainer.val_steps=1", "measure.every_n_val=2")
     rows = curves(run.folder)
     assert [step for step, row in rows.items() if "val/grey" in row] == [2, 4, 5]
     assert all("val/loss/total" in row for row in rows.values())
@@ -120,7 +120,7 @@ def test_metrics_are_measured_at_every_nth_validation_and_the_last_and_are_no_pa
 
 def test_what_measures_does_not_change_what_is_learned(latents: Path, tmp_path: Path) -> None:
     """The losses and the name of the run are those without metrics, bit for bit."""
-    run, other = train(tmp_path / "a", latents), train(tmp_path / "b", latents, "metrics.clips=0")
+    run, other = train(tmp_path / "a", latents), train(tmp_path / "b", latents, "measure.clips=0")
     assert run.folder.name == other.folder.name
     rows, others = curves(run.folder), curves(other.folder)
     for step, row in others.items():
@@ -142,13 +142,13 @@ def test_a_metric_without_its_maps_or_its_weights_is_left_out_and_said_once(
     latents: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mapped = module_in(tmp_path, '\nGrey.needs = ("stress",)\n')
-    run = train(tmp_path / "a", latents, f"metrics.outside=[{GREY},{mapped}]")
+    run = train(tmp_path / "a", latents, f"measure.outside=[{GREY},{mapped}]")
     told = "no other in the validation: this stage has no stress"
     assert capsys.readouterr().err.count(told) == 1
     assert "val/count/clips/grey" in curves(run.folder)[2]
     weightless = module_in(tmp_path, "\nfrom fracgen.evaluation.weights import MissingWeightsError\n"
                            "def build(settings):\n    raise MissingWeightsError('I3D was not found')\n")  # fmt: skip
-    run = train(tmp_path / "b", latents, f"metrics.outside=[{GREY},{weightless}]")
+    run = train(tmp_path / "b", latents, f"measure.outside=[{GREY},{weightless}]")
     assert capsys.readouterr().err.count("no other in the validation: I3D was not found") == 1
     assert "val/count/clips/grey" in curves(run.folder)[2]
 
@@ -159,7 +159,7 @@ def test_a_clip_that_cannot_be_observed_is_said_once_and_the_training_goes_on(
     picky = module_in(tmp_path, "\nold = Grey.observe\ndef observe(self, pair):\n"
                       "    if pair.groups['object'] == 'bread':\n        raise ValueError('no bread')\n"
                       "    return old(self, pair)\nGrey.observe = observe\n")  # fmt: skip
-    run = train(tmp_path, latents, f"metrics.outside=[{picky}]")
+    run = train(tmp_path, latents, f"measure.outside=[{picky}]")
     assert capsys.readouterr().err.count("other is not measured of clip0002: no bread") == 1
     assert curves(run.folder)[2]["val/count/clips/other"] == 1
     assert [line["grey"] == "" for line in table(run)] == [True, False, True]
@@ -173,8 +173,8 @@ def test_fields_of_metrics_are_set_by_name_and_bad_ones_refused(latents: Path, t
         train(tmp_path, latents, "+metric.grey.times=-1")
     with pytest.raises(ValueError, match=r"metric.grey.tims=1 is not a field"):
         train(tmp_path, latents, "+metric.grey.tims=1")
-    with pytest.raises(ValueError, match=r"metrics.outside=gray.py is not a file"):
-        train(tmp_path, latents, "metrics.outside=[gray.py]")
+    with pytest.raises(ValueError, match=r"measure.outside=gray.py is not a file"):
+        train(tmp_path, latents, "measure.outside=[gray.py]")
 
 
 def test_processes_that_share_a_clip_sample_the_same_and_others_the_rest() -> None:
@@ -187,8 +187,8 @@ def test_another_vae_than_that_of_the_cache_is_only_refused_where_it_was_given(
 ) -> None:
     """With videos, which are asked for, and for a VAE with a path; random weights that do not fit are said."""
     assert train(tmp_path / "a", latents, "vae.seed=1").finished
-    told = "no metrics of the validation: vae.path is not set (metrics.clips=0 silences this)"
+    told = "no metrics of the validation: vae.path is not set (measure.clips=0 silences this)"
     assert capsys.readouterr().err.count(told) == 1
     vae.build(TRAIN.compose("vae=tiny", "vae.seed=1").vae).save_pretrained(tmp_path / "vae")
-    with pytest.raises(ValueError, match=r"vae.path=.* made by \w+: give that VAE, or set metrics.clips=0"):
+    with pytest.raises(ValueError, match=r"vae.path=.* made by \w+: give that VAE, or set measure.clips=0"):
         train(tmp_path / "b", latents, f"vae.path={tmp_path / 'vae'}")

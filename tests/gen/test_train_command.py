@@ -168,8 +168,8 @@ def test_wandb_is_offline_without_a_key(latents: Path, tmp_path: Path, monkeypat
         "vae=tiny",
         "logger.videos=1",
         "logger.video_steps=1",
-        "metrics.clips=2",
-        f"metrics.outside=[{grey.__file__}]",
+        "measure.clips=2",
+        f"measure.outside=[{grey.__file__}]",
         "stages.stage1.steps=1",
         "name=study",
     )

@@ -39,7 +39,7 @@ def build(cfg: TrainConfig, data: StageData, folder: Path) -> "Panel | None":
     clips = data.val_clips if cfg.trainer.val_steps else []
     if not clips:
         return None
-    measured = clips[: cfg.metrics.clips]
+    measured = clips[: cfg.measure.clips]
     metrics = scores.build(cfg, data.cache.streams) if measured else {}
     shown = clips[: cfg.logger.videos]
     decoder = _decoder(cfg, data.cache, bool(shown), bool(metrics)) if shown or metrics else None
@@ -52,7 +52,7 @@ def build(cfg: TrainConfig, data: StageData, folder: Path) -> "Panel | None":
 def _decoder(cfg: TrainConfig, cache: LatentCache, videos: bool, metrics: bool) -> FrozenVae | None:
     """The VAE of the cache; None, which is said, when its weights are not given."""
     wanted = " and no ".join([*["videos"] * videos, *["metrics"] * metrics])
-    silence = " and ".join([*["logger.videos=0"] * videos, *["metrics.clips=0"] * metrics])
+    silence = " and ".join([*["logger.videos=0"] * videos, *["measure.clips=0"] * metrics])
     without = f"no {wanted} of the validation: vae.path is not set ({silence} silences this)"
     if not cfg.vae.path and cfg.vae.kind == "wan" and cfg.vae.base_dim > LARGE_VAE:
         print(without, file=sys.stderr)
@@ -124,7 +124,7 @@ def due(trainer: Trainer, cfg: TrainConfig) -> bool:
     """Whether this validation measures; it depends on the optimiser step alone, so that a run that goes on does as one
     that was not broken off."""
     done = trainer.global_step // cfg.trainer.val_steps
-    return trainer.global_step == trainer.max_steps or done % cfg.metrics.every_n_val == 0
+    return trainer.global_step == trainer.max_steps or done % cfg.measure.every_n_val == 0
 
 
 def share(numbers: Sequence[T], rank: int, ranks: int, together: int) -> Sequence[T]:

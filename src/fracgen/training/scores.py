@@ -104,7 +104,7 @@ def build(cfg: TrainConfig, streams: Sequence[str]) -> dict[str, Metric]:
     a field or a value that is not allowed.
     """
     metrics: dict[str, Metric] = {}
-    for choice in choose.choices(cfg.metric, cfg.metrics.outside):
+    for choice in choose.choices(cfg.metric, cfg.measure.outside):
         try:
             metric = choice.build()
         except (ValueError, ImportError) as error:  # its fields are checked: what it rests on is not there
