@@ -23,11 +23,12 @@ class Backbone:
 def alexnet() -> Backbone:
     """The features of torchvision's AlexNet; outputs of its five ReLUs."""
     conv = nn.Conv2d
-    return Backbone(nn.Sequential(
+    layers = [
         conv(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
         conv(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
         conv(192, 384, 3, 1, 1), nn.ReLU(), conv(384, 256, 3, 1, 1), nn.ReLU(), conv(256, 256, 3, 1, 1), nn.ReLU(),
-    ), (1, 4, 7, 9, 11), (64, 192, 384, 256, 256))  # fmt: skip
+    ]  # fmt: skip
+    return Backbone(nn.Sequential(*layers), (1, 4, 7, 9, 11), (64, 192, 384, 256, 256))
 
 
 def vgg16() -> Backbone:
@@ -51,11 +52,12 @@ def _blocks(widths: tuple[int, ...], counts: tuple[int, ...]) -> Iterator[nn.Mod
 def shift_tolerant_alexnet() -> Backbone:
     """AlexNet with dense convolutions that are low-passed before they are thinned out (Ghildyal and Liu 2022)."""
     conv, pool = nn.Conv2d, nn.MaxPool2d
-    return Backbone(nn.Sequential(
+    layers = [
         conv(3, 64, 11, 1, 2), BlurPool(), nn.ReLU(), pool(3, 1), BlurPool(),
         conv(64, 192, 5, 1, 2), nn.ReLU(), pool(3, 1), BlurPool(),
         conv(192, 384, 3, 1, 1), nn.ReLU(), conv(384, 256, 3, 1, 1), nn.ReLU(), conv(256, 256, 3, 1, 1), nn.ReLU(),
-    ), (2, 6, 10, 12, 14), (64, 192, 384, 256, 256))  # fmt: skip
+    ]  # fmt: skip
+    return Backbone(nn.Sequential(*layers), (2, 6, 10, 12, 14), (64, 192, 384, 256, 256))
 
 
 class BlurPool(nn.Module):

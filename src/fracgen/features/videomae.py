@@ -6,6 +6,7 @@ by as many frames as the network was trained with, a constant stride apart.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -43,11 +44,12 @@ def build(settings: Settings) -> VideoFeatures:
     from transformers import VideoMAEModel
 
     try:
-        model, info = VideoMAEModel.from_pretrained(
+        loaded: Any = VideoMAEModel.from_pretrained(
             path.parent, dtype=torch.float32, local_files_only=True, output_loading_info=True
         )
     except Exception as error:  # of safetensors and others, which have no common base
         raise ValueError(f"{field}={path.parent} is no folder of VideoMAE: {error}") from error
+    model, info = loaded
     if info["missing_keys"] or info.get("mismatched_keys"):
         raise ValueError(f"{field}={path.parent} lacks weights of VideoMAE: {sorted(info['missing_keys'])[:3]}.")
     to = device(settings.device)
