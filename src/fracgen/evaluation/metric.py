@@ -36,6 +36,10 @@ class Metric(TorchMetric, ABC):
     higher: Mapping[str, bool] = {}
     """Whether higher is better, by name of a result; absent where neither is."""
 
+    of_sets: ClassVar[bool] = False
+    """Whether a result is a distance between sets of clips, whose bias depends on their number: resamples then show
+    its spread, not where it lies."""
+
     def __init__(self) -> None:
         super().__init__()
         for name in self.columns:
