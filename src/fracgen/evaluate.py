@@ -22,6 +22,9 @@ def task(config: EvaluateConfig) -> None:
     for line in done.told:
         print(line, file=sys.stderr)
     print(done.folder)
+    if not done.document["metrics"]:
+        entry.complain(f"nothing could be scored; {done.folder}/metrics.json names each clip and the reason.")
+        sys.exit(entry.BAD)
     if config.strict and done.faults:
         entry.complain(f"strict=true: {len(done.faults)} clip(s) could not be scored; {done.folder}/metrics.json names "
                        "them.")  # fmt: skip

@@ -10,10 +10,6 @@ from fracsim.records import Array
 LEVEL = 0.95
 
 
-OF_SETS = 50
-"""Resamples of distances between sets, which take long."""
-
-
 def intervals(
     reduce: Callable[[Observation], Mapping[str, float]], observed: Mapping[str, Array], resamples: int, seed: int
 ) -> dict[str, tuple[float, float]]:
@@ -32,7 +28,7 @@ def spreads(
 
     For distances between sets: a resample holds clips twice, which adds to a bias that falls with n.
     """
-    drawn, values = resampled(reduce, observed, min(resamples, OF_SETS), seed), reduce(observed)
+    drawn, values = resampled(reduce, observed, resamples, seed), reduce(observed)
     return {name: (values[name] + low - mean, values[name] + high - mean) for name, (low, high, mean) in drawn.items()}
 
 

@@ -55,7 +55,7 @@ def run(cfg: EvaluateConfig) -> Done:
     report.write(folder, document, rows, metrics)
     if cfg.logger == "wandb":
         wandb_run.log(folder, document, report.clips(rows, metrics), cfg)
-    return Done(folder, table.markdown(document), _faults(found, seen), _told(found, seen), document)
+    return Done(folder, table.markdown(document, short=True), _faults(found, seen), _told(found, seen), document)
 
 
 def output(cfg: EvaluateConfig) -> Path:

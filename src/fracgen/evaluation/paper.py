@@ -20,8 +20,9 @@ SAC = Column("SAC", "sac", "sac", True)
 QUALITY = (FVD, LPIPS, PSNR, SAC)
 DPA = Column("DPA", "dpa", "dpa", True)
 R2_CONS = Column("R2_cons", "r2_cons", "r2_cons", True)
-MAPS = tuple(
-    Column(f"MSE {name}", "map_mse", name, False) for name in ("flow", "stress", "strain", "damage", "overall")
+MAPS = (
+    *(Column(f"MSE {name}", "map_mse", f"mse_{name}", False) for name in ("flow", "stress", "strain", "damage")),
+    Column("MSE overall", "map_mse", "mse", False),
 )
 ABLATED = (*QUALITY, DPA, *MAPS, R2_CONS)
 BESIDE = (

@@ -43,4 +43,4 @@ class PerFrame(Metric):
 
 def tensor(frames: Array, like: torch.device, dtype: torch.dtype = torch.float32) -> Tensor:
     """Frames (T, H, W, 3) uint8 as pictures [T, 3, H, W] in [0, 1]: 4 axes, for 5 would mean volumes to some."""
-    return torch.from_numpy(np.ascontiguousarray(frames)).to(like).permute(0, 3, 1, 2).to(dtype) / 255
+    return torch.tensor(np.ascontiguousarray(frames)).to(like).permute(0, 3, 1, 2).to(dtype) / 255

@@ -42,8 +42,9 @@ def results(metric: Metric, rows: Rows, resamples: int, seed: int) -> dict[str, 
 
 def _result(value: float, ends: tuple[float, float] | None) -> dict[str, float | None]:
     """A result and its interval; null where it is undefined."""
-    low, high = ends if ends is not None and np.isfinite(value) else (None, None)
-    return {"value": float(value) if np.isfinite(value) else None, "low": low, "high": high}
+    counted = isinstance(value, int)  # a number of clips
+    low, high = ends if ends is not None and np.isfinite(value) and not counted else (None, None)
+    return {"value": value if counted else float(value) if np.isfinite(value) else None, "low": low, "high": high}
 
 
 def by_group(metric: Metric, rows: Rows, name: str, resamples: int, seed: int) -> dict[str, Any]:
@@ -61,6 +62,7 @@ def shown(value: Any) -> str:
 
 def whole(metric: Metric, rows: Rows, by: Sequence[str], resamples: int, seed: int) -> dict[str, Any]:
     """The entry of a metric in metrics.json."""
+    resamples = min(resamples, metric.resamples)
     groups = {name: by_group(metric, rows, name, resamples, seed) for name in by}
     return {
         "about": metric.about(),

@@ -41,12 +41,17 @@ def result(entry: Mapping[str, Any] | None) -> str:
     return f"{number(entry['value'])} [{number(entry['low'])}, {number(entry['high'])}]"
 
 
-def lines(document: Mapping[str, Any], group: str) -> Iterator[Line]:
-    """A row a result of metrics.json; `group` gives columns of its own, as "object"."""
+def lines(document: Mapping[str, Any], group: str, short: bool = False) -> Iterator[Line]:
+    """A row a result of metrics.json, or a result that is better or worse (`short`).
+
+    `group` gives columns of its own, as "object".
+    """
     names = columns(document, group)
     for metric, entry in document["metrics"].items():
         groups = entry["by"].get(group, {})
         for column, found in entry["results"].items():
+            if short and column not in entry["higher"]:
+                continue
             controls = [document["controls"][name]["metrics"].get(metric) for name in observed_controls(document)]
             yield Line(
                 label(metric, column),
@@ -78,10 +83,10 @@ def _head(document: Mapping[str, Any], group: str) -> list[str]:
     return ["result", "all clips [95 %]", "n", "undefined", *columns(document, group), *observed_controls(document)]
 
 
-def markdown(document: Mapping[str, Any], group: str = "object") -> str:
-    """The table in Markdown, and below it what is missing and what the clips without a score lack."""
+def markdown(document: Mapping[str, Any], group: str = "object", short: bool = False) -> str:
+    """The table in Markdown, of rows as `lines`, and below it what is missing and what the controls are."""
     rows = [[f"{line.name} {ARROWS[line.higher]}".strip(), line.all, line.n, line.undefined, *line.groups,
-             *line.controls] for line in lines(document, group)]  # fmt: skip
+             *line.controls] for line in lines(document, group, short)]  # fmt: skip
     out = [_row(_head(document, group)), _row(["---"] * len(_head(document, group))), *map(_row, rows)]
     return "\n".join([*out, "", *notes(document)]).rstrip() + "\n"
 
@@ -112,7 +117,7 @@ def tex(document: Mapping[str, Any], group: str = "class") -> str:
     """The table in LaTeX, for the package booktabs."""
     head = ["Result", "All clips", "n", *columns(document, group)]
     body = [[f"{line.name} {ARROWS[line.higher]}".strip(), line.all, line.n, *line.groups]
-            for line in lines(document, group)]  # fmt: skip
+            for line in lines(document, group, short=True)]  # fmt: skip
     rows = [" & ".join(map(escaped, row)) + r" \\" for row in body]
     title = " & ".join(map(escaped, head)) + r" \\"
     return "\n".join([rf"\begin{{tabular}}{{l{'c' * (len(head) - 1)}}}", r"\toprule", title, r"\midrule", *rows,

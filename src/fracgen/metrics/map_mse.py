@@ -51,9 +51,9 @@ class MapMse(Metric):
     """See above."""
 
     def __init__(self, maps: Sequence[str]) -> None:
-        self.maps = tuple(name for name in MAPS if name in maps)
+        self.wanted = tuple(name for name in MAPS if name in maps)
         flow = ("mse_flow_speed", "epe_flow", "epe_flow_m_s") if FLOW in maps else ()
-        errors = (*(f"mse_{name}" for name in self.maps), "mse", *(f"mse_fg_{name}" for name in self.maps), "mse_fg",
+        errors = (*(f"mse_{name}" for name in self.wanted), "mse", *(f"mse_fg_{name}" for name in self.wanted), "mse_fg",
                   *(f"mse_scaled_{name}" for name in SCALED if name in maps), *flow)  # fmt: skip
         self.higher = dict.fromkeys(errors, False)
         self.columns = self.shown = (*errors, "maps")
@@ -61,9 +61,9 @@ class MapMse(Metric):
 
     def observe(self, pair: Pair) -> dict[str, float]:
         """All errors of a pair; raises LackingError when no map is wanted and in both clips."""
-        there = [name for name in self.maps if pair.pred.has(name) and pair.true.has(name)]
+        there = [name for name in self.wanted if pair.pred.has(name) and pair.true.has(name)]
         if not there:
-            raise LackingError(f"{pair.pred.name} and {pair.true.name} share no map of {', '.join(self.maps)}")
+            raise LackingError(f"{pair.pred.name} and {pair.true.name} share no map of {', '.join(self.wanted)}")
         out = dict.fromkeys(self.columns, NAN)
         foreground = foregrounds(pair, there)
         for name in there:
@@ -74,7 +74,7 @@ class MapMse(Metric):
 
     def about(self) -> dict[str, Any]:
         """The maps that are wanted, and what foreground is."""
-        return {"maps": list(self.maps), "foreground": f"alpha > {COVERED}, else a map > {DEADBAND:.4f}; of either"}
+        return {"maps": list(self.wanted), "foreground": f"alpha > {COVERED}, else a map > {DEADBAND:.4f}; of either"}
 
 
 def _errors(pair: Pair, name: str, foreground: Sequence[Array]) -> dict[str, float]:

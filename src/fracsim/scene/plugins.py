@@ -35,6 +35,14 @@ def check(override: str, folder: Path, chosen: Sequence[str], see: str) -> None:
                          f"{_near(name, names)}. {see}")  # fmt: skip
 
 
+def check_names(overrides: Sequence[str], group: str) -> None:
+    """Raise ValueError where a file is chosen: those are named elsewhere."""
+    files = [name for name in chosen(overrides, group, ()) if name.endswith(".py")]
+    if files:
+        raise ValueError(f"{group}=[{','.join(files)}] cannot be used: give files from outside as "
+                         f"outside=[{','.join(files)}].")  # fmt: skip
+
+
 def chosen(overrides: Sequence[str], group: str, default: Any) -> list[str]:
     """The choices of a group: those of the last override of it, or the default ones."""
     values = [o.partition("=")[2] for o in overrides if o.partition("=")[0] == group]

@@ -158,6 +158,8 @@ class Program(Generic[T]):
         """Raise ValueError for an override of a field that no chosen section of a group in `plugins` has."""
         from omegaconf import OmegaConf
 
+        for group in self.plugins:
+            plugins.check_names(overrides, group)
         single = [o for o in overrides if o.partition("=")[0].partition(".")[0].lstrip("~") in self.plugins and "." in
                   o.partition("=")[0]]  # fmt: skip
         if not single:
