@@ -31,7 +31,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="print all commands and run none")
     parser.add_argument("--quick", action="store_true", help="a few clips and steps, to see whether everything runs")
     parser.add_argument("--seeds", type=int, metavar="N", help="trainings of each kind (2)")
-    parser.add_argument("--steps", type=int, metavar="N", help="optimiser steps of each stage (600)")
+    parser.add_argument("--steps", type=int, metavar="N", help="optimiser steps of each stage (500)")
     parser.add_argument("--folder", type=Path, metavar="FOLDER", help=f"for all that is made ({FULL.folder})")
     parser.add_argument("--page", type=Path, metavar="FILE",
                         help=f"for the report ({PAGE}; with --quick in the folder)")  # fmt: skip

@@ -55,7 +55,7 @@ class Study:
 
     folder: Path = Path("outputs/laptop")
     seeds: int = 2
-    steps: int = 600
+    steps: int = 500
     """Optimiser steps of each stage; those of conf/experiment/laptop.yaml."""
     train_objects: tuple[str, ...] = TRAIN
     test_objects: tuple[str, ...] = TEST
