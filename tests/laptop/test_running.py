@@ -23,7 +23,7 @@ class Machine:
     most: int = 0
     threads: set[str] = field(default_factory=set)
 
-    def __call__(self, argv: Sequence[str], stdout: IO[str], stderr: int, env: dict[str, str]) -> "Process":
+    def __call__(self, argv: Sequence[str], stdout: IO[str], env: dict[str, str], **more: Any) -> "Process":
         self.started.append(list(argv[2:]))
         self.alive += 1
         self.most = max(self.most, self.alive)
@@ -71,6 +71,7 @@ def test_a_command_that_takes_all_cores_runs_alone(runner: Runner) -> None:
     machine: Any = runner.start
     runner.run(replace(STEP, together=False))
     assert machine.most == 1
+    runner.run(replace(STEP, commands=STEP.commands[:1]))
     assert machine.threads == {"2"}
 
 
@@ -85,6 +86,10 @@ def test_a_finished_step_is_not_run_again_but_other_commands_are(runner: Runner,
     assert len(machine.started) == 4
     assert all_steps([other], journal, runner, again=True)
     assert len(machine.started) == 5
+    gone = replace(STEP, commands=(("fracgen.encode", f"output.folder={tmp_path}/latents"),))
+    for _ in range(2):  # what was written is not there
+        assert all_steps([gone], journal, runner)
+    assert len(machine.started) == 7
 
 
 def test_a_failure_is_told_with_its_last_words_and_ends_the_study(

@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ def _one(override: str, which: int) -> str:
     return f"{name}={value.split(',')[which]}"
 
 
+@cache
 def composed(command: Command) -> list[Any]:
     """The configurations of a command; raises ValueError for what its program does not accept."""
     program = PROGRAMS[command[0]]

@@ -54,6 +54,12 @@ def typed(command: Command) -> str:
     return f"python -m {' '.join(words)}"
 
 
+def outputs(step: Step) -> set[Path]:
+    """The folders that the commands of a step write to."""
+    words = [argument.partition("=") for command in step.commands for argument in command]
+    return {Path(value) for name, _, value in words if name == "output.folder"}
+
+
 @dataclass
 class Journal:
     """What was finished: a file a step, with its commands and how long they took."""
@@ -61,12 +67,13 @@ class Journal:
     folder: Path
 
     def read(self, step: Step) -> Mapping[str, Any] | None:
-        """The entry of a step, if these very commands were finished."""
+        """The entry of a step, if these very commands were finished and what they wrote is there."""
         try:
             entry = json.loads(self._file(step).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return entry if entry["commands"] == [list(command) for command in step.commands] else None
+        same = entry["commands"] == [list(command) for command in step.commands]
+        return entry if same and all(folder.is_dir() for folder in outputs(step)) else None
 
     def write(self, step: Step, seconds: float, failed: int) -> None:
         """Mark a step as finished; `failed` of its commands did not do all that was asked."""
@@ -118,7 +125,7 @@ class Runner:
                 number, command = waiting.pop(0)
                 log = self.logs / f"{step.name}-{number}.log"
                 say(f"  {typed(command)}")
-                process = self._start(command, log, 1 if most > 1 else CORES)
+                process = self._start(command, log, CORES // min(most, len(commands)))
                 self.running.append(process)
                 logs[id(process)] = log
             time.sleep(POLL)
@@ -137,7 +144,9 @@ class Runner:
         """A process that writes to a log."""
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "PYTHONUNBUFFERED": "1", "COLUMNS": "120"}
         with log.open("w") as out:
-            return self.start([sys.executable, "-m", *command], stdout=out, stderr=subprocess.STDOUT, env=environment)
+            # In a session of its own, a Ctrl-C reaches it once, by `_end`.
+            return self.start([sys.executable, "-m", *command], stdout=out, stderr=subprocess.STDOUT, env=environment,
+                              start_new_session=True)  # fmt: skip
 
     def _end(self) -> None:
         """Tell the processes that still run to end, and wait for them: they leave what can be gone on with."""
