@@ -1,19 +1,23 @@
 """`python -m fracgen.evaluate`: what is paired, what is observed and when, what is written, how it goes on."""
 
 import csv
+import gc
 import json
 import subprocess
 import sys
-from dataclasses import replace
+import weakref
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from torch import Tensor
 
 from fracgen import evaluate as command
 from fracgen.config.evaluate import Scores
-from fracgen.evaluation import job, load, observe, pairing
+from fracgen.config.model import Vae
+from fracgen.evaluation import code, coded, job, load, observe, pairing
 from fracgen.evaluation.clip import TRACKS, LackingError, Pair
 from fracgen.evaluation.journal import FILE
 from fracsim.sample import read
@@ -280,3 +284,60 @@ def test_needs_are_checked_before_anything_is_decoded(films: Path) -> None:
     couple = pairing.pairs(config(films)).couples[0]
     with pytest.raises(LackingError, match="a has no damage; it has rgb"):
         observe._check(load.pair(couple, replace(config(films))).pred, ("rgb", "damage"))
+
+
+def test_what_an_observation_rests_on_are_all_files_that_are_imported(tmp_path: Path) -> None:
+    """The base of metrics, and what that imports; a changed line is another hash."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from fracgen.evaluation.metric import Metric\n")
+    before = code.digest(mine)
+    assert {path.name for path in code._imported(mine.read_bytes())} == {"metric.py"}
+    assert code.digest(mine) == before
+    mine.write_text(mine.read_text() + "# changed\n")
+    assert code.digest(mine) != before
+
+
+def test_one_pair_is_in_memory_at_a_time(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, alive = load.pair, []
+
+    def counted(*arguments: object) -> Pair:
+        gc.collect()
+        assert [there for one in alive if (there := one()) is not None] == []
+        made = pair(*arguments)  # type: ignore[arg-type]
+        alive.extend([weakref.ref(made), weakref.ref(made.pred)])
+        return made
+
+    monkeypatch.setattr(load, "pair", counted)
+    assert job.run(config(films)).document["metrics"]["brightness"]["n"] == 3
+    assert len(alive) == 6
+
+
+class Halving:
+    """Stands in for the VAE: what comes back is half as bright."""
+
+    identity = "halving"
+
+    def encode(self, video: Tensor) -> Tensor:
+        assert video.shape == (1, 3, 5, 32, 48)
+        return video
+
+    def decode(self, latent: Tensor) -> Tensor:
+        return latent / 2
+
+
+def test_the_true_clip_through_the_vae_is_a_ceiling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    generated(tmp_path / "pred", truth(tmp_path / "gt", frames=5), frames=5)
+    cfg = config(tmp_path, controls=["vae"], vae=Vae(path="vae.safetensors"))
+    monkeypatch.setitem(coded._loaded, repr(asdict(cfg.vae)), Halving())  # type: ignore[arg-type]
+    found = pairing.pairs(cfg)
+    pair = load.pair(job.controls.couples(found, cfg)["vae"][0], cfg)
+    assert np.abs(pair.pred.rgb - pair.true.rgb / 2).max() <= 0.5
+    assert np.allclose(pair.pred.map("flow"), pair.true.map("flow") / 2)
+    assert np.allclose(pair.pred.map("damage"), pair.true.map("damage") / 2)
+    assert pair.pred.map("damage").shape == (5, 32, 48, 1)
+    assert not pair.pred.has(TRACKS)
+    done = job.run(cfg)
+    assert done.document["controls"]["vae"]["metrics"]["brightness"]["results"]["difference"]["value"] > 0.2
+    assert job.controls.couples(found, replace(cfg, vae=Vae())) == {}
+    with pytest.raises(ValueError, match="nowhere"):
+        job.run(replace(cfg, vae=Vae(path="nowhere")))

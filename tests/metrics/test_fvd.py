@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from fracgen.evaluation.clip import LackingError, Pair
+from fracgen.features._video import strided
 from fracgen.metrics import fvd, kvd
-from fracgen.metrics._features import strided
 from fracgen.metrics.fvd import extrapolated, frechet
 from tests.metrics.feature_clips import clip, counting, gaussian, pair, video
 

@@ -1,6 +1,7 @@
 """The I3D network: its layers against loops over pixels, its frames, and logits of another implementation."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,6 +86,15 @@ def test_logits_are_those_of_another_implementation() -> None:
     assert found.shape == (400,)
     assert np.allclose(found[:4], LOGITS, rtol=0, atol=1e-3)  # float32 over 22 layers, of any processor
     assert found.sum() == pytest.approx(SUM, abs=0.05)
+
+
+@HERE
+@pytest.mark.parametrize("module", [i3d_wheel, random_conv3d])
+def test_building_a_network_draws_no_random_numbers(module: Any) -> None:
+    """A training in the same process goes on as without the metric."""
+    before = torch.get_rng_state()
+    module.build(module.Settings(device="cpu"))
+    assert torch.equal(torch.get_rng_state(), before)
 
 
 def test_random_features_depend_on_the_seed_only() -> None:

@@ -61,11 +61,10 @@ def test_sums_by_blocks_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_large_means_keep_what_differs() -> None:
-    """Kernels of about (1000^2 + 1)^3 = 1e18 lose 16 digits: the error is below 1e3 in a value of 1e13."""
-    x, y = np.array([[1000.0], [1000]]), np.array([[1001.0], [1001]])
-    exact = (1000**2 + 1) ** 3 + (1001**2 + 1) ** 3 - 2 * (1000 * 1001 + 1) ** 3
-    x[1], y[1] = x[1] + 1e-9, y[1]
-    assert mmd(x, y) == pytest.approx(exact, rel=1e-6)
+    """Whole numbers are exact. Each of the four kernels, of about 1e18, is rounded to 2^-53 of it three times."""
+    kernels = [(u * v + 1) ** 3 for u, v in ((1000, 1002), (1001, 1004), (1000, 1004), (1001, 1002))]
+    found = mmd(np.array([[1000.0], [1002]]), np.array([[1001.0], [1004]]))
+    assert found == pytest.approx(kernels[0] + kernels[1] - kernels[2] - kernels[3], abs=4 * 3 * 1.1e18 * 2**-53)
 
 
 @pytest.mark.parametrize("n", [0, 1])

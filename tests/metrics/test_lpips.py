@@ -1,4 +1,4 @@
-"""LPIPS with random weights of the right shapes: against plain NumPy, and against torchmetrics with the same network."""
+"""LPIPS with random weights of the right shapes: against plain NumPy, and against torchmetrics with that network."""
 
 from pathlib import Path
 

@@ -117,7 +117,7 @@ def test_a_map_that_one_clip_lacks_is_undefined_and_not_in_the_mean() -> None:
 def test_only_wanted_maps_are_compared_and_named() -> None:
     maps = {"stress": flat(0.5), "damage": flat(0.1)}
     found = observe(clip(**maps), clip(stress=flat(0.1), damage=flat(0.3)), maps=["damage"])
-    assert list(found) == ["mse_damage", "mse", "mse_fg_damage", "mse_fg", "maps"]
+    assert list(found) == ["mse", "mse_fg", "mse_damage", "mse_fg_damage", "maps"]
     assert found["mse"] == pytest.approx(0.04, rel=ROUNDING)
 
 

@@ -54,6 +54,17 @@ def test_flow_follows_a_stretch_and_a_drift(module: Any, side: int) -> None:
 
 
 @FLOWS
+def test_enlarging_a_small_picture_makes_flow_more_exact(module: Any) -> None:
+    film = ellipse([STILL, (stretch(30, 1.1), (2.0, -1.0)), (stretch(30, 1.2), (4.0, -2.0))], side=96)
+    errors = []
+    for side in (16, 256):
+        points, tracks, seen = follow(module, film, side=side)
+        exact = (points - 48) @ stretch(30, 1.2).T + 48 + (4, -2)
+        errors.append(np.median(np.linalg.norm(tracks[-1] - exact, axis=1)[seen[-1]]))
+    assert errors[1] < errors[0]
+
+
+@FLOWS
 def test_flow_begins_and_ends_where_it_is_told(module: Any) -> None:
     film = ellipse([(np.eye(2), (3.0 * t, 0.0)) for t in range(4)])
     points, tracks, seen = follow(module, film, t0=1, t1=2)
@@ -82,6 +93,15 @@ def test_points_that_leave_the_picture_are_lost(module: Any) -> None:
     assert gone.any()
     assert not seen[-1, gone].any()
     assert (tracks[-1][seen[-1]] <= 128).all()
+
+
+@FLOWS
+def test_an_object_without_texture_loses_most_of_its_points(module: Any) -> None:
+    film = ellipse([STILL, (stretch(30, 1.1), (3.0, 0.0)), (stretch(30, 1.2), (6.0, 0.0))])
+    flat = np.where(film.alpha[..., None] > 0, np.uint8(120), np.uint8(255)).repeat(3, axis=-1)
+    seen = [follow(module, one)[2][-1].mean() for one in (film, clip(frames=3, rgb=flat, alpha=film.alpha))]
+    assert seen[0] > 0.9
+    assert seen[1] < 0.6
 
 
 @FLOWS

@@ -54,7 +54,7 @@ def test_an_ffmpeg_without_the_filter_is_named(monkeypatch: pytest.MonkeyPatch) 
         return subprocess.CompletedProcess([], 0, " ... ssim  VV->V\n")
 
     monkeypatch.setattr(subprocess, "run", listing)
-    with pytest.raises(ValueError, match="metric=vmaf: .* has no filter libvmaf"):
+    with pytest.raises(ValueError, match=r"metric=vmaf: .* has no filter libvmaf"):
         vmaf.build(vmaf.Settings())
 
 

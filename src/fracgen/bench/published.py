@@ -44,6 +44,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m fracgen.bench.published", description=__doc__)
     parser.add_argument("--clips", type=int, default=CLIPS, metavar="N", help=f"clips of each set ({CLIPS})")
     options = parser.parse_args(argv)
+    if options.clips < 2:
+        parser.error(f"--clips {options.clips} is not allowed: give at least 2.")
     ours = frechet(*(features(seed, options.clips) for seed in SEEDS))
     print(f"FVD of {options.clips} clips: ours {ours:.6f}, published for {CLIPS} clips {PUBLISHED}")
     return 0

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from fracgen.config.model import Vae
 from fracsim.scene.knob import check, knob
 
-CONTROLS = ("truth", "static", "twins", "axis")
+CONTROLS = ("truth", "vae", "static", "twins", "axis")
 """What the numbers are to be read against; `fracgen.evaluation.controls` says what each is."""
 GROUPS = ("class", "object", "axis", "speed", "onset", "crit", "E", "nu", "split")
 """What clips can be grouped by; CSV files may bring more."""
@@ -33,8 +34,9 @@ class EvaluateConfig:
                                   "has a file for each")  # fmt: skip
     outside: list[str] = knob([], "metrics from outside: paths of .py files, or names of entry points; their fields "
                               "are set by +metric.NAME.FIELD=VALUE")  # fmt: skip
-    controls: list[str] = knob(list(CONTROLS), "what the numbers are read against: the true clip itself, the true "
-                               "clip standing still, twins of it, and answers that know no axis",
+    controls: list[str] = knob(list(CONTROLS), "what the numbers are read against: the true clip itself, through "
+                               "the VAE (if vae.path is given), standing still, its twins, and answers that know no "
+                               "axis",
                                choices=CONTROLS)  # fmt: skip
     control_clips: int = knob(8, "clips, evenly spread, of which controls are made; 0 = all", least=0)
     by: list[str] = knob(["class", "object", "axis"], "results are also given for each value of these")
@@ -62,6 +64,7 @@ class EvaluateConfig:
     logger: str = knob("none", "wandb: a table and the plots as a run of wandb, offline without a key; all of it lies "
                        "on disk too", choices=("none", "wandb"))  # fmt: skip
     project: str = knob("fracgen", "project of wandb")
+    vae: Vae = field(default_factory=Vae)
     output: Scores = field(default_factory=Scores)
 
     def __post_init__(self) -> None:

@@ -2,9 +2,11 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from typing import Any
 
+from fracgen.evaluation import code
 from fracgen.evaluation.metric import Metric
 from fracgen.evaluation.weights import MissingWeightsError
 from fracsim import registry
@@ -97,15 +99,11 @@ def key(choice: Choice, metric: Metric) -> str:
     16 hex digits.
     """
     module = registry.load(PACKAGE, choice.module, "metric")
-    code = [_source(PACKAGE, choice.module)]
+    files = [registry.source(PACKAGE, choice.module, "metric")]
     for f in fields(module.Settings):
         rule = f.metadata.get("knob")
         if rule is not None and rule.package:
-            code.append(_source(rule.package, choice.settings[f.name]))
-    text = repr((choice.name, sorted(choice.settings.items()), plain(metric.about()), code))
+            with suppress(ValueError):  # a word that stands for no module
+                files.append(registry.source(rule.package, choice.settings[f.name], f.name))
+    text = repr((choice.name, sorted(choice.settings.items()), plain(metric.about()), code.digest(*files)))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _source(package: str, name: str) -> str:
-    """The hash of the file of a module."""
-    return hashlib.sha256(registry.source(package, name, package).read_bytes()).hexdigest()

@@ -1,6 +1,7 @@
 """What results are to be read against.
 
-truth: each true clip against itself, the ceiling. static: the true clip standing still in its first frame. twins: the
+truth: each true clip against itself, the ceiling. vae: the true clip encoded and decoded, the ceiling of what works in
+latents. static: the true clip standing still in its first frame. twins: the
 same scene with other particles, the noise floor. axis: answers to SAC that do not know the axis.
 """
 
@@ -20,6 +21,7 @@ ABOUT = {
     "truth": "each true clip against itself",
     "static": "the first frame of the true clip, repeated",
     "twins": "the same scenes with another seed",
+    "vae": "each true clip through the VAE",
 }
 AXES = 180
 """Constant axes that are tried, one a degree."""
@@ -34,6 +36,7 @@ def couples(found: Paired, cfg: EvaluateConfig) -> dict[str, list[Couple]]:
         "truth": _itself,
         "static": _standing,
         "twins": partial(_beside, twin=_twins(found.truths)),
+        "vae": _coded if cfg.vae.path else lambda couple: None,
     }
     made = {name: [c for couple in chosen if (c := make(couple)) is not None]
             for name, make in makers.items() if name in cfg.controls}  # fmt: skip
@@ -46,6 +49,10 @@ def _itself(couple: Couple) -> Couple | None:
 
 def _standing(couple: Couple) -> Couple | None:
     return Couple(couple.gt, couple.gt, couple.groups, frozen=True, like=couple.pred) if couple.gt else None
+
+
+def _coded(couple: Couple) -> Couple | None:
+    return Couple(couple.gt, couple.gt, couple.groups, coded=True, like=couple.pred) if couple.gt else None
 
 
 def _beside(couple: Couple, twin: Mapping[str, Source]) -> Couple | None:

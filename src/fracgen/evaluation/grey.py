@@ -7,6 +7,8 @@ from fracgen.evaluation.clip import ALPHA, Clip
 from fracgen.layout import RGB
 from fracsim.records import Array
 
+ENOUGH = 500_000
+"""Pixels whose median is the floor of a map."""
 DEADBAND = 4.0
 """Values below it are no signal [levels of 255]: a VAE does not hold black to a few levels."""
 
@@ -14,19 +16,27 @@ DEADBAND = 4.0
 def grey(values: Array) -> Array:
     """A map as it is shown, (T, H, W, C) in [0, 1], as its mean over channels, (T, H, W) float32 in [0, 1]."""
     mean = values[..., 0] if values.shape[-1] == 1 else values.mean(axis=-1, dtype=np.float32)
-    return np.clip(mean, 0, 1, dtype=np.float32)
+    clipped: Array = np.clip(mean, 0, 1, dtype=np.float32)
+    return clipped
 
 
 def background(clip: Clip) -> Array:
     """Where a clip shows no object in its first picture, (H, W) bool; everywhere if it has maps only."""
     if clip.has(ALPHA) or clip.has(RGB):
-        return ~foreground.mask(clip, 0)
+        return np.asarray(~foreground.mask(clip, 0))
     return np.ones((clip.height, clip.width), bool)
 
 
 def floor(values: Array, outside: Array) -> float:
-    """The median of a map (T, H, W) over all frames where there is no object, `outside` (H, W) bool; 0 without any."""
-    return float(np.median(values[:, outside])) if outside.any() else 0.0
+    """The median of a map (T, H, W) where there is no object, `outside` (H, W) bool; 0 when there is no such place.
+
+    Of frames that are spread over the clip, as many as have ENOUGH pixels.
+    """
+    if not outside.any():
+        return 0.0
+    count = min(len(values), max(3, ENOUGH // int(outside.sum())))
+    frames = np.linspace(0, len(values) - 1, count).round().astype(int)
+    return float(np.median(values[frames][:, outside]))
 
 
 def deadband(values: Array, outside: Array, levels: float = DEADBAND) -> Array:
@@ -37,5 +47,4 @@ def deadband(values: Array, outside: Array, levels: float = DEADBAND) -> Array:
     if not levels:
         return values
     above = values - np.float32(floor(values, outside))
-    above[above < levels / 255] = 0
-    return above
+    return np.asarray(np.where(above < levels / 255, np.float32(0), above))

@@ -1,8 +1,9 @@
 """One evaluation: from its configuration to results on disk."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fracgen.config.evaluate import EvaluateConfig
 from fracgen.evaluation import choose, controls, pairing, plots, report, sources, summary, table, wandb_run
+from fracgen.evaluation.coded import vae_of
 from fracgen.evaluation.journal import Journal
 from fracgen.evaluation.metric import Metric
 from fracgen.evaluation.observe import Observed, observe
@@ -39,12 +41,13 @@ def run(cfg: EvaluateConfig) -> Done:
         raise ValueError("metric=[] holds no metric: name some, as metric=[psnr,sac].")
     ready = choose.build(chosen, cfg.missing_weights)
     found = pairing.pairs(cfg)
+    if "vae" in cfg.controls and cfg.vae.path:
+        vae_of(cfg.vae)  # bad weights are told before the work
     folder = output(cfg)
     journal = Journal(folder, cfg.output.overwrite)
     seen = observe(found.couples, chosen, ready.metrics, cfg, journal)
     metrics = _with_results(ready.metrics, seen)
-    quick = replace(cfg, resamples=min(cfg.resamples, 200))
-    beside = {name: (couples, observe(couples, chosen, metrics, quick, journal, f"control: {name}"))
+    beside = {name: (couples, observe(couples, chosen, metrics, cfg, journal, f"control: {name}"))
               for name, couples in controls.couples(found, cfg).items()}  # fmt: skip
     document = _document(cfg, found, seen, metrics, {**_lacking(seen), **ready.missing, **seen.missing})
     document["controls"] = _controls(cfg, beside, metrics, seen)
@@ -92,10 +95,15 @@ def _faults(found: Paired, seen: Observed) -> list[Fault]:
 def _told(found: Paired, seen: Observed) -> list[str]:
     """A line for each reason, with the number of clips and the first of them."""
     faults = _faults(found, seen)
-    counts = Counter((fault.metric, fault.reason.replace(fault.clip, "it")) for fault in faults)
-    first = {(fault.metric, fault.reason.replace(fault.clip, "it")): fault.clip for fault in reversed(faults)}
+    counts = Counter((fault.metric, _alike(fault)) for fault in faults)
+    first = {(fault.metric, _alike(fault)): fault.clip for fault in reversed(faults)}
     return [f"{count} clip(s), as {first[metric, why]}: {f'{metric}: ' if metric else ''}{why}"
             for (metric, why), count in counts.items()]  # fmt: skip
+
+
+def _alike(fault: Fault) -> str:
+    """A reason without the name of its clip, so that equal ones can be counted."""
+    return re.sub(rf"(?<![\w/]){re.escape(fault.clip)}(?![\w/.])", "it", fault.reason)
 
 
 def _document(
@@ -126,7 +134,8 @@ def _controls(
     for name, (couples, observed) in beside.items():
         found = {metric: summary.results(metrics[metric], rows, 0, cfg.seed)
                  for metric, rows in observed.rows.items() if rows}  # fmt: skip
-        out[name] = {"about": controls.ABOUT[name], "n": len(couples), "metrics": found}
+        out[name] = {"about": controls.ABOUT[name], "n": len(couples), "metrics": found,
+                     "faults": [asdict(fault) for fault in observed.faults + observed.lacking]}  # fmt: skip
     rows = seen.rows.get("sac") or []
     if "axis" in cfg.controls and rows and "sac_angle_gt" in metrics["sac"].columns:
         sigma = float(metrics["sac"].about().get("sigma", 15.0))

@@ -16,6 +16,7 @@ import numpy as np
 
 from fracgen.config.evaluate import EvaluateConfig
 from fracgen.data.pictures import NORMALISATION
+from fracgen.evaluation.coded import vae_of
 from fracgen.evaluation.pairing import Couple
 from fracsim.records import Array
 
@@ -72,8 +73,14 @@ class Journal:
 
 
 def pair_key(couple: Couple, cfg: EvaluateConfig) -> str:
-    """What the observations of a couple rest on beside metrics, as a hash of 16 hex digits."""
+    """What the observations of a couple rest on beside metrics, as a hash of 16 hex digits.
+
+    Raises ValueError where the weights of a VAE that is needed are missing.
+    """
     rules = {name: asdict(cfg)[name] for name in RULES}
     clips = [source.sha256 if source else "" for source in (couple.pred, couple.gt, couple.like)]
-    text = repr((VERSION, NORMALISATION, clips, couple.frozen, sorted(rules.items()), sorted(couple.groups.items())))
+    vae = vae_of(cfg.vae).identity if couple.coded else ""
+    text = repr(
+        (VERSION, NORMALISATION, clips, couple.frozen, vae, sorted(rules.items()), sorted(couple.groups.items()))
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:16]

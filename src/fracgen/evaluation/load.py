@@ -11,6 +11,7 @@ from fracgen.config.evaluate import EvaluateConfig
 from fracgen.data import pictures
 from fracgen.evaluation import video
 from fracgen.evaluation.clip import ALPHA, TRACKS, Clip, Pair
+from fracgen.evaluation.coded import coded
 from fracgen.evaluation.pairing import Couple
 from fracgen.evaluation.sizes import Shrink, common
 from fracgen.evaluation.sources import Source
@@ -48,6 +49,8 @@ def _control(couple: Couple, pred: "_Opened", gt: "_Opened", cfg: EvaluateConfig
     shown, true = (_clip(one, chosen.gt, shrink, chosen.fps, like.percentile(cfg)) for one in (pred, gt))
     if pred is gt:
         shown = true
+    if couple.coded:
+        shown = coded(true, cfg.vae)
     return Pair(_still(true) if couple.frozen else shown, true, couple.groups)
 
 

@@ -28,6 +28,8 @@ class Couple:
     groups: Mapping[str, Any] = field(default_factory=dict)
     frozen: bool = False
     """Whether the predicted clip stands still: its first frame, repeated."""
+    coded: bool = False
+    """Whether the predicted clip goes through the VAE."""
     like: Source | None = None
     """A clip whose frames and size both clips take; None = those of the predicted one."""
 

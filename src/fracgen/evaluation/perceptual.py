@@ -62,6 +62,8 @@ class PerceptualMetric(PerFrame):
 
     def __init__(self, network: Perceptual, batch: int, size: int = 0) -> None:
         super().__init__()
+        # Frames have their channels last already, and the network of ST-LPIPS is a quarter faster so.
+        network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
         self.network = network.eval().requires_grad_(False)
         self.batch, self.size = batch, size
 

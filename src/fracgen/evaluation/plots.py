@@ -27,10 +27,12 @@ def draw(folder: Path, document: Mapping[str, Any], rows: Mapping[str, Rows]) ->
 
 
 def _bars(folder: Path, document: Mapping[str, Any], group: str) -> Path | None:
-    """A panel a result, with a bar for all clips and for each value of a group."""
-    panels = [(label(metric, column), entry, column) for metric, entry in document["metrics"].items()
-              for column, found in entry["results"].items()
-              if found["value"] is not None and column in entry["higher"] and entry["by"].get(group)]  # fmt: skip
+    """A panel a metric, with a bar for all clips and for each value of a group."""
+    panels = [
+        (label(metric, column), entry, column)
+        for metric, entry in document["metrics"].items()
+        if (column := headline(metric, entry)) and entry["by"].get(group)
+    ]
     if not panels:
         return None
     figure = _figure(len(panels))
@@ -39,6 +41,13 @@ def _bars(folder: Path, document: Mapping[str, Any], group: str) -> Path | None:
         _panel(axes, {name: one["results"].get(column) or {} for name, one in found.items()})
         axes.set_title(f"{title} {'↑' if entry['higher'][column] else '↓'}", fontsize=9)
     return _save(figure, folder / f"by_{group}.png")
+
+
+def headline(metric: str, entry: Mapping[str, Any]) -> str:
+    """The result that stands for a metric: the one of its name, as mse of map_mse, or the first; "" without any."""
+    defined = [column for column, found in entry["results"].items()
+               if column in entry["higher"] and found["value"] is not None]  # fmt: skip
+    return next((column for column in defined if metric.endswith(column)), defined[0] if defined else "")
 
 
 def _panel(axes: "Axes", results: Mapping[str, Mapping[str, Any]]) -> None:
@@ -60,10 +69,12 @@ def _damage(folder: Path, rows: Rows) -> Path | None:
         return None
     figure = _figure(len(chosen), across=3)
     for axes, (couple, seen) in zip(figure.axes, chosen, strict=True):
-        for name, style, title in (("dpa_curve_gt", "k-", "true"), ("dpa_curve_pred", "C3-", "predicted")):
+        for name, style, title in (("dpa_curve_gt", "0.6", "true"), ("dpa_curve_pred", "C3", "predicted")):
             curve = np.asarray(seen[name], float)
-            axes.plot(np.linspace(0, 1, len(curve)), curve, style, label=title)
+            axes.plot(np.linspace(0, 1, len(curve)), curve, color=style, linewidth=4 if title == "true" else 1.5,
+                      label=title)  # fmt: skip
         axes.set(title=_title(couple.name, couple.groups), xlabel="part of the clip", ylabel="damage a(t)")
+        axes.set_ylim(0, max(1e-3, axes.get_ylim()[1]))
         axes.title.set_fontsize(8)
         axes.grid(alpha=0.3)
     figure.axes[0].legend(fontsize=7)

@@ -100,7 +100,7 @@ def notes(document: Mapping[str, Any]) -> list[str]:
     told = [f"{metric}: missing, {reason}" for metric, reason in document["missing"].items()]
     axis = document["controls"].get("axis")
     if axis:
-        constant = f"{number(axis['best_constant'])} (at {number(axis['best_axis'])} degrees)"
+        constant = f"{number(axis['best_constant'])} (at {number(axis['best_axis'])} deg)"
         told.append(f"sac of answers that know no axis: at most {number(axis['uniform'])} for random axes, {constant} "
                     "for the best constant axis")  # fmt: skip
     for name in observed_controls(document):

@@ -16,20 +16,20 @@ SIZE = 224
 LEAST = 9
 """Fewest frames: three layers halve them, rounding up, and the last average takes two."""
 CLASSES = 400
-MIXED = {
+BLOCKS = {
     "Mixed_3b": (192, 64, 96, 128, 16, 32, 32),
     "Mixed_3c": (256, 128, 128, 192, 32, 96, 64),
-    "MaxPool3d_4a_3x3": ((3, 3, 3), (2, 2, 2)),
+    "MaxPool3d_4a_3x3": (3,),
     "Mixed_4b": (480, 192, 96, 208, 16, 48, 64),
     "Mixed_4c": (512, 160, 112, 224, 24, 64, 64),
     "Mixed_4d": (512, 128, 128, 256, 24, 64, 64),
     "Mixed_4e": (512, 112, 144, 288, 32, 64, 64),
     "Mixed_4f": (528, 256, 160, 320, 32, 128, 128),
-    "MaxPool3d_5a_2x2": ((2, 2, 2), (2, 2, 2)),
+    "MaxPool3d_5a_2x2": (2,),
     "Mixed_5b": (832, 256, 160, 320, 32, 128, 128),
     "Mixed_5c": (832, 384, 192, 384, 48, 128, 128),
 }
-"""Channels of the Inception blocks, (in, b0, b1a, b1b, b2a, b2b, b3b); kernels and strides of the pools between."""
+"""Channels of the Inception blocks, (in, b0, b1a, b1b, b2a, b2b, b3b), and kernels of the pools of stride 2 between."""
 
 
 def padding(shape: Sequence[int], kernel: Sequence[int], stride: Sequence[int]) -> list[tuple[int, int]]:
@@ -102,8 +102,8 @@ class I3D(nn.Module):
         layers["Conv3d_2b_1x1"] = Unit(64, 64, 1)
         layers["Conv3d_2c_3x3"] = Unit(64, 192, 3)
         layers["MaxPool3d_3a_3x3"] = Pool((1, 3, 3), (1, 2, 2))
-        for name, sizes in MIXED.items():
-            layers[name] = Pool(*sizes) if name.startswith("MaxPool3d") else Mixed(*sizes)
+        for name, sizes in BLOCKS.items():
+            layers[name] = Mixed(*sizes) if name.startswith("Mixed") else Pool(sizes * 3, (2, 2, 2))
         self.layers = nn.Sequential(layers)
         self.average = nn.AvgPool3d((2, 7, 7), stride=1)
         self.logits = Unit(1024, CLASSES, 1, relu=False)

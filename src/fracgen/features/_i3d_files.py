@@ -113,7 +113,9 @@ def fold(kernel: Array, mean: Array, variance: Array, shift: Array, gain: Array 
 
 def _filled(unit: Callable[[str], tuple[Array, Array]]) -> I3D:
     """The network, each of whose convolutions takes the kernel and bias that `unit` returns for its name."""
-    network = I3D().eval().requires_grad_(False)
+    with torch.device("meta"):  # draws no random numbers, which a training around may count on
+        network = I3D().eval().requires_grad_(False)
+    network.to_empty(device="cpu")
     for name, module in network.units().items():
         _fill(name, module, *unit(name))
     return network

@@ -20,7 +20,8 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
-from fracgen.evaluation.clip import RGB, Clip, LackingError
+from fracgen.evaluation.clip import Clip, LackingError
+from fracgen.layout import RGB
 from fracsim import caching, registry
 from fracsim.records import Array
 
@@ -62,7 +63,7 @@ class Reader:
     def _stored(self, video: Array) -> Array:
         """Features (D,) of a video (T, H, W, 3), from the cache folder if they are there."""
         digest = hashlib.sha256(f"{self.identity} {video.shape} {video.dtype}".encode())
-        digest.update(memoryview(video).cast("B"))
+        digest.update(video.reshape(-1).data)
         path = caching.folder() / "features" / f"{digest.hexdigest()}.npy"
         found = _load(path)
         if found is None:

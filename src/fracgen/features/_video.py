@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -27,6 +28,17 @@ def frames(video: Array, size: int, device: torch.device | str = "cpu") -> Tenso
         part = functional.interpolate(part, (size, size), mode="bilinear", align_corners=False, antialias=False)
         out[0, :, begin : begin + AT_ONCE] = part.transpose(0, 1)
     return out.mul_(2 / 255).sub_(1)
+
+
+def strided(frames: int, wanted: int) -> Array | None:
+    """Indices (wanted,) of frames from the first on, the largest constant stride apart; None where there are fewer.
+
+    A constant stride keeps uniform motion uniform, as indices spread to both ends and rounded would not.
+    """
+    if frames < wanted:
+        return None
+    stride = max((frames - 1) // max(wanted - 1, 1), 1)
+    return np.arange(wanted) * stride
 
 
 @dataclass(frozen=True, eq=False)

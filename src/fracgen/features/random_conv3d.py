@@ -44,5 +44,7 @@ class RandomConv3d(nn.Module):
 def build(settings: Settings) -> VideoFeatures:
     """The network."""
     to = device(settings.device)
+    with torch.random.fork_rng(devices=[]):  # layers draw weights, which are replaced, from the numbers of all
+        network = RandomConv3d(settings.seed)
     facts = {"network": "random convolutions: for tests, no FVD", "seed": settings.seed}
-    return VideoFeatures(RandomConv3d(settings.seed).eval().requires_grad_(False).to(to), SIZE, 1, to, facts)
+    return VideoFeatures(network.eval().requires_grad_(False).to(to), SIZE, 1, to, facts)

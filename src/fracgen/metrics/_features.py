@@ -10,9 +10,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fracgen.evaluation.clip import RGB, Pair
+from fracgen.evaluation.clip import Pair
 from fracgen.evaluation.metric import Metric, Observation
 from fracgen.features._shared import reader
+from fracgen.features._video import strided
+from fracgen.layout import RGB
 from fracsim.records import Array
 from fracsim.scene.knob import knob
 
@@ -91,14 +93,3 @@ class FeatureDistance(Metric):
         """The network, its weights and their sha256, and the frames that it sees."""
         shorter = {"short": f"{self.short} frames, the largest constant stride"} if self.short else {}
         return {**self.reader.about, "frames": "all", **shorter}
-
-
-def strided(frames: int, wanted: int) -> Array | None:
-    """Indices (wanted,) of frames from the first on, the largest constant stride apart; None where there are fewer.
-
-    A constant stride keeps uniform motion uniform, as indices spread to both ends and rounded would not.
-    """
-    if frames < wanted:
-        return None
-    stride = max((frames - 1) // max(wanted - 1, 1), 1)
-    return np.arange(wanted) * stride

@@ -5,9 +5,9 @@ without score 1, one without scores 0; a damage map that was decoded from a vide
 clips alike.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class Dpa(Metric):
     columns = ("dpa", "dpa_peak_pred", "dpa_peak_gt", "dpa_curve_pred", "dpa_curve_gt")
     """DPA; the largest total damage of both clips, as a mean over a picture; their curves, (POINTS,) each."""
     shown = ("dpa", "dpa_peak_pred", "dpa_peak_gt")
-    higher: ClassVar[Mapping[str, bool]] = {"dpa": True}
+    higher = MappingProxyType({"dpa": True})
 
     def __init__(self, settings: Settings) -> None:
         super().__init__()

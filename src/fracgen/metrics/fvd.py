@@ -73,11 +73,12 @@ def frechet(x: Array, y: Array) -> float:
 
 def _factor(x: Array) -> Array:
     """A (min(n, D), D) with A^T A the covariance of x (n, D)."""
-    centred = np.asarray(x, np.float64)
-    centred = (centred - centred.mean(0)) / np.sqrt(len(x) - 1)
+    centred: Array = np.asarray(x, np.float64)
+    centred = (centred - centred.mean(0)) / float(np.sqrt(len(x) - 1))
     if len(x) <= x.shape[1]:
         return centred
-    return linalg.qr(centred, mode="r", overwrite_a=True, check_finite=False)[0][: x.shape[1]]  # type: ignore[no-any-return]
+    R: Array = linalg.qr(centred, mode="r", overwrite_a=True, check_finite=False)[0]
+    return R[: x.shape[1]]
 
 
 def extrapolated(x: Array, y: Array, splits: int = SPLITS) -> float:

@@ -53,8 +53,8 @@ class MapMse(Metric):
     def __init__(self, maps: Sequence[str]) -> None:
         self.wanted = tuple(name for name in MAPS if name in maps)
         flow = ("mse_flow_speed", "epe_flow", "epe_flow_m_s") if FLOW in maps else ()
-        errors = (*(f"mse_{name}" for name in self.wanted), "mse", *(f"mse_fg_{name}" for name in self.wanted), "mse_fg",
-                  *(f"mse_scaled_{name}" for name in SCALED if name in maps), *flow)  # fmt: skip
+        shown = [f"{kind}{name}" for kind in ("mse_", "mse_fg_") for name in self.wanted]
+        errors = ("mse", "mse_fg", *shown, *(f"mse_scaled_{name}" for name in SCALED if name in maps), *flow)
         self.higher = dict.fromkeys(errors, False)
         self.columns = self.shown = (*errors, "maps")
         super().__init__()

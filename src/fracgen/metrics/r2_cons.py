@@ -5,9 +5,9 @@ not centred. Two independent fields that are uniform in [0, 1] score 9/16 = 0.56
 0. Each map may have a scale of its own, but values that were cut off at the top change it.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class R2Cons(Metric):
     """R2 of both clips; parts of the pixels that are intact material; sums of eps sigma, eps^2 and sigma^2 over them,
     (3,) each."""
     shown = ("r2_cons", "r2_gt", "r2_intact_pred", "r2_intact_gt")
-    higher: ClassVar[Mapping[str, bool]] = {"r2_cons": True, "r2_pooled": True}
+    higher = MappingProxyType({"r2_cons": True, "r2_pooled": True})
 
     def __init__(self, settings: Settings) -> None:
         super().__init__()

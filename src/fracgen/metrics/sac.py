@@ -7,7 +7,8 @@ is undefined leaves a clip out, counted. c of a perfect clip is below 1: `sac_ce
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class Sac(Metric):
     """SAC; c of the true clip; angle between the axes [deg]; c of the prediction; both axes [deg]; parts of the points
     that are seen at both ends of the window, and that move enough; their number."""
     shown = columns
-    higher: ClassVar[Mapping[str, bool]] = {"sac": True, "sac_theta": False, "sac_undefined_pred": False}
+    higher = MappingProxyType({"sac": True, "sac_theta": False, "sac_undefined_pred": False})
 
     def __init__(self, settings: Settings, tracker: Tracker, gt_tracker: Tracker) -> None:
         super().__init__()
