@@ -87,7 +87,7 @@ def pulls(truth: str, made: str) -> list[dict[str, object]]:
             row[f"{name}_torn"] = None if video is None else torn(video)
             row[f"{name}_axis"] = axis(rgb(clip)[-1])
         rows.append(row)
-    return sorted(rows, key=lambda row: (str(row["object"]), row["axis"], row["crit"]))  # type: ignore[arg-type, return-value]
+    return sorted(rows, key=lambda row: (str(row["object"]), row["axis"], row["crit"]))
 
 
 def exists(folder: str) -> bool:

@@ -19,7 +19,7 @@ TRAINED = {1: 0.12, 2: 0.7, 3: 0.7}
 """A clip in an optimiser step, by stage: one stream or five."""
 SAMPLED = {1: 1.2, 2: 6.0, 3: 6.0}
 """A clip that is sampled in 20 steps and decoded."""
-SCORED = 8.0
+SCORED = 10.0
 """A clip with all metrics; most of it is the network of FVD, the tracker and ST-LPIPS."""
 
 

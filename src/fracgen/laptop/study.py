@@ -61,7 +61,7 @@ class Study:
     test_objects: tuple[str, ...] = TEST
     train_draws: int = 36
     """Rows of the parameter table for each object to train on, from row 0."""
-    test_draws: int = 12
+    test_draws: int = 10
     """Rows for each held-out object, behind those."""
     compared_draws: int = 1
     """Of these, rows that are simulated with other solvers too."""
