@@ -17,15 +17,30 @@ STATUSES = ("complete", "never_breaks", "suspect", "failed", "interrupted", "exi
 """What comes of a clip of a sweep."""
 LINES, MEDIA, TABLE = "lines", "media", "table"
 """Kinds of panels."""
+SCORES = {
+    "PSNR, dB": "psnr",
+    "SSIM": "ssim",
+    "error of the maps": "mse",
+    "R2_cons": "r2_cons",
+    "DPA": "dpa",
+    "SAC": "sac",
+}
+"""Results of the metrics that a training measures by default, and their titles."""
+PARTS = {"PSNR": "psnr_.*", "SSIM": "ssim_.*", "errors of maps": "((mse|epe)_.*|maps)", "elastic law": "r2_.*",
+         "damage": "dpa_.*", "axis": "sac_.*",
+         "clips, and those for which a value is undefined": "count/.*"}  # fmt: skip
+"""What else they say, as regular expressions."""
 
 
 class Panel(NamedTuple):
-    """A panel: lines over the axis of the workspace, pictures and videos, or a table."""
+    """A panel: lines over the axis of the workspace, pictures and videos, or a table; `pattern` is a regular
+    expression of further lines, as a curve an object."""
 
     title: str
     keys: tuple[str, ...]
     kind: str = LINES
     logarithmic: bool = False
+    pattern: str = ""
 
 
 class Part(NamedTuple):
@@ -75,6 +90,11 @@ def train(videos: Sequence[str] = ()) -> list[Part]:
             Panel("validation", ("val/loss/total", "val/loss/matching"), logarithmic=True),
             Panel("validation by stream", tuple(f"val/loss/{name}" for name in STREAMS), logarithmic=True),
         )),
+        Part("metrics of sampled clips", (
+            *(Panel(title, (), pattern=f"^val/([^/]+/)?{name}$") for title, name in SCORES.items()),
+            Panel("clips", ("val/clips",), TABLE),
+        )),
+        Part("metrics, further results", tuple(Panel(t, (), pattern=f"^val/{p}$") for t, p in PARTS.items())),
         Part("losses by noise level", (
             by_level("training", "loss/sigma"),
             by_level("validation", "val/loss/sigma"),
@@ -110,6 +130,11 @@ def keys(parts: Sequence[Part]) -> list[str]:
     return [key for part in parts for panel in part.panels for key in panel.keys]
 
 
+def patterns(parts: Sequence[Part]) -> list[str]:
+    """All regular expressions of names that a workspace shows."""
+    return [panel.pattern for part in parts for panel in part.panels if panel.pattern]
+
+
 def workspace(parts: Sequence[Part], name: str, axis: str, entity: str, project: str) -> Any:
     """The workspace of wandb; raises ValueError when its package is missing."""
     try:
@@ -132,7 +157,8 @@ def _panel(panel: Panel, axis: str) -> Any:
         return wr.MediaBrowser(title=panel.title, media_keys=list(panel.keys))
     if panel.kind == TABLE:
         return wr.WeavePanelSummaryTable(table_name=panel.keys[0])
-    return wr.LinePlot(title=panel.title, x=axis, y=list(panel.keys), log_y=panel.logarithmic or None)
+    return wr.LinePlot(title=panel.title, x=axis, y=list(panel.keys), log_y=panel.logarithmic or None,
+                       metric_regex=panel.pattern or None)  # fmt: skip
 
 
 def specification(space: Any) -> dict[str, Any]:

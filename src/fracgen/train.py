@@ -6,7 +6,8 @@ from fracgen.config.train import TrainConfig, check_weights
 from fracsim import entry
 from fracsim.scene.program import Program
 
-TRAIN: Program[TrainConfig] = Program("fracgen.train", "train", TrainConfig, optional=("experiment", "debug"))
+TRAIN: Program[TrainConfig] = Program("fracgen.train", "train", TrainConfig, optional=("experiment", "debug"),
+                                       plugins=("metric",))  # fmt: skip
 RESUME = "repeat the command to go on from the checkpoint"
 
 

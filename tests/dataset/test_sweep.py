@@ -83,7 +83,7 @@ def test_the_command_line_wins_over_the_file() -> None:
 
 @pytest.mark.parametrize("name", SWEEPS)
 def test_each_ready_sweep_names_scenes(name: str) -> None:
-    """The first and the last draw of a combination; the objects of both classes."""
+    """The first and the last draw of a combination; the objects of both classes, but where one object is varied."""
     made = jobs(*params(name), chunk=1000)
     scenes: list[Scene] = []
     for job in (made[0], made[1], made[-1]):
@@ -91,7 +91,8 @@ def test_each_ready_sweep_names_scenes(name: str) -> None:
         others = [o for o in of_user(job) if not o.startswith("draw=")]
         for draw in dict.fromkeys((draws[0], draws[-1]) if draws else ("-1",)):
             scenes.append(compose(f"+sweep={name}", *others, f"draw={draw}"))
-    assert {scene.material.law for scene in scenes} == {"fixed_corotated", "neo_hookean"}
+    laws = {"fixed_corotated"} if name == "sensitivity" else {"fixed_corotated", "neo_hookean"}
+    assert {scene.material.law for scene in scenes} == laws
     ids = [sample.scene_id(scene) for scene in scenes]
     assert len(set(ids)) == len(ids)
     if name == "table2":

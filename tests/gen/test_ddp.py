@@ -13,18 +13,23 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from fracgen import vae
+from fracgen.train import TRAIN
 from fracgen.training import stages
 from tests.command import environment
+from tests.gen import grey
 from tests.gen.trainings import cache, config, curves, only, overrides
 
 MORE = ("stage=3", "init_from=none", "conditioning.drop_text=0.3", "trainer.log_steps=3", "trainer.val_steps=3",
-        "loss.ramp=0", "data.val_limit=4")  # fmt: skip
+        "loss.ramp=0", "data.val_limit=4", "vae=tiny", "measure.clips=3", "logger.video_steps=1",
+        "metric=[]", f"measure.outside=[{grey.__file__}]")  # fmt: skip
 
 
 def test_two_processes_with_two_workers_each_equal_one(tmp_path: Path) -> None:
-    """Stage 3 with all losses, four steps; two forward passes of each process against four of one."""
+    """Stage 3 with all losses, four steps; two forward passes of each process against four of one. Of the three clips
+    that are measured the second process has one; the means are over all, and the tables are equal."""
     torch.set_num_threads(1)
-    latents = cache(tmp_path / "latents")
+    latents = cache(tmp_path / "latents", about={"vae": vae.identity_of(TRAIN.compose("vae=tiny").vae)})
     one, two = tmp_path / "one", tmp_path / "two"
     command = overrides(two, latents, *MORE, "trainer.devices=2", "data.workers=2")
     done = subprocess.run([sys.executable, "-m", "fracgen.train", *command], env=environment(OMP_NUM_THREADS="1"),
@@ -40,6 +45,10 @@ def test_two_processes_with_two_workers_each_equal_one(tmp_path: Path) -> None:
     assert rows.keys() == others.keys() == {3, 4}
     for step, row in rows.items():
         assert others[step] == pytest.approx(row, rel=1e-4, abs=1e-5)
+        assert row["val/count/clips/grey"] == 3
+    tables = [(only(folder, 3) / "videos" / "step-000003" / "clips.csv").read_text() for folder in (one, two)]
+    assert [[line.split(",")[0] for line in table.splitlines()] for table in tables] == [
+        ["id", "clip0002", "clip0003", "clip0006"]] * 2  # fmt: skip
 
 
 def test_an_effective_batch_that_does_not_come_out_even_is_refused(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from fracgen.train import TRAIN
 from fracgen.training import mosaic, stages
 from fracgen.training.loggers import Csv, read
 from tests.command import environment
+from tests.gen import grey
 from tests.gen.trainings import SMALL, cache, config, curves, only, overrides
 
 CONF = TRAIN.folder
@@ -167,6 +168,8 @@ def test_wandb_is_offline_without_a_key(latents: Path, tmp_path: Path, monkeypat
         "vae=tiny",
         "logger.videos=1",
         "logger.video_steps=1",
+        "measure.clips=2",
+        f"measure.outside=[{grey.__file__}]",
         "stages.stage1.steps=1",
         "name=study",
     )
@@ -175,6 +178,8 @@ def test_wandb_is_offline_without_a_key(latents: Path, tmp_path: Path, monkeypat
     (offline,) = (run.folder / "wandb").glob("offline-run-*")
     assert list(offline.glob("*.wandb"))
     assert list(offline.rglob("*.mp4")), "the video was given by its path"
+    (table,) = offline.rglob("*.table.json")
+    assert [row[0] for row in json.loads(table.read_text())["data"]] == ["clip0002", "clip0003"]
     assert curves(run.folder)[1]["loss/rgb"] > 0
 
 

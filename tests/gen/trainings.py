@@ -10,7 +10,8 @@ from fracgen.train import TRAIN
 from fracgen.training.runs import METRICS
 
 SMALL = ("model=tiny", "model.layers=1", "model.heads=2", "model.head_dim=16", "model.ffn_dim=32", "model.text_dim=8",
-         "trainer=cpu", "trainer.batch=1", "trainer.effective_batch=4", "data.workers=0", "logger.videos=0",
+         "trainer=cpu", "trainer.batch=1", "trainer.effective_batch=4", "data.workers=0",
+         "logger.videos=0", "measure.clips=0",
          "stages=toy", "stages.stage1.steps=6", "stages.stage2.steps=4", "stages.stage3.steps=4",
          "stages.stage1.warmup=2", "stages.stage2.warmup=2", "stages.stage3.warmup=2",
          "trainer.log_steps=1", "trainer.val_steps=2", "trainer.val_levels=2", "data.val_limit=3")  # fmt: skip

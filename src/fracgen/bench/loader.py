@@ -20,7 +20,7 @@ from fracgen import data, vae
 from fracgen.bench import cases
 from fracgen.bench.record import Row, median
 from fracgen.bench.step import seconds
-from fracgen.config.train import Data, Logger, Recipe, Runs, Stages, TrainConfig
+from fracgen.config.train import Data, Logger, Measure, Recipe, Runs, Stages, TrainConfig
 from fracgen.data import synthetic
 from fracgen.layout import STREAMS
 from fracgen.memory.size import Size
@@ -84,6 +84,7 @@ def config(latents: Path, name: str, steps: int) -> TrainConfig:
     recipe = Recipe(streams=list(STREAMS), constitutive=True, steps=steps, warmup=2)
     return replace(
         base, stage=1, trainer=trainer, data=Data(folder=str(latents), workers=1), logger=Logger(videos=0),
+        measure=Measure(clips=0),
         stages=Stages(stage1=recipe),
     )  # fmt: skip
 

@@ -1,6 +1,7 @@
 """The schema of `python -m fracgen.train`."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from fracgen.config.conditioning import Conditioning
 from fracgen.config.model import Model, Vae
@@ -130,10 +131,24 @@ class Logger:
     group: str = knob("", "group of wandb; empty = the name of the experiment")
     videos: int = knob(4, "clips of the validation that are sampled and shown at each validation; 0 = none; they need "
                        "the VAE of the cache", least=0, most=64)  # fmt: skip
-    video_steps: int = knob(20, "sampling steps of these", least=1, most=1000)
+    video_steps: int = knob(20, "sampling steps of these, and of the clips of `measure`", least=1, most=1000)
 
     def __post_init__(self) -> None:
         check(self, "logger")
+
+
+@dataclass(kw_only=True)
+class Measure:
+    """Metrics of sampled clips of the validation; truth is what the VAE decodes of the cache."""
+
+    outside: list[str] = knob([], "metrics from outside beside those of metric=[...]: paths of .py files, or names of "
+                              "entry points", package="fracgen.metrics")  # fmt: skip
+    clips: int = knob(4, "clips of the validation that are measured, among them those of the videos; 0 = none; they "
+                      "need the VAE of the cache", least=0, most=4096)  # fmt: skip
+    every_n_val: int = knob(1, "validations between measurements; the last one always measures", least=1)
+
+    def __post_init__(self) -> None:
+        check(self, "measure")
 
 
 @dataclass(kw_only=True)
@@ -168,6 +183,9 @@ class TrainConfig:
     stages: Stages = field(default_factory=Stages)
     trainer: Trainer = field(default_factory=Trainer)
     logger: Logger = field(default_factory=Logger)
+    measure: Measure = field(default_factory=Measure)
+    metric: dict[str, Any] = knob({}, "metrics of clips of the validation, by name with their fields, chosen by "
+                                  "metric=[psnr,sac]; conf/metric has a file for each")  # fmt: skip
     output: Runs = field(default_factory=Runs)
 
     def __post_init__(self) -> None:

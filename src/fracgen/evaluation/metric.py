@@ -5,7 +5,7 @@ runs for all clips, for each group of them, and for each resample of a bootstrap
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -82,6 +82,14 @@ def mean(values: Array) -> float:
     values = np.asarray(values, np.float64)
     defined = values[~np.isnan(values)]
     return float(defined.mean()) if defined.size else float("nan")
+
+
+def reduced(metric: Metric, observed: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The results of a metric over what it has observed of some clips; empty without any."""
+    if not observed:
+        return {}
+    return metric.reduce({name: np.stack([np.asarray(one[name], np.float64) for one in observed])
+                          for name in metric.columns})  # fmt: skip
 
 
 def _stacked(rows: list[Tensor] | Tensor) -> Tensor:

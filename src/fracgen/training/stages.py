@@ -16,7 +16,7 @@ from fracgen.config.train import TrainConfig
 from fracgen.config.train import Trainer as TrainerConfig
 from fracgen.memory import planner
 from fracgen.model import trained
-from fracgen.training import checkpoint, identity, loggers, mosaic, network, runs, schedule
+from fracgen.training import checkpoint, identity, loggers, network, panel, runs, schedule
 from fracgen.training.checkpoint import Restore
 from fracgen.training.curves import Curves, Departure
 from fracgen.training.ema import Ema
@@ -182,9 +182,9 @@ def _callbacks(
     ema = Ema(t.ema) if t.ema else None
     ending = Ending(this, curves, ema, parent, data.cache.about)
     saver = Saver(this.checkpoint, t.save_minutes, t.save_steps, data.steps_per_epoch)
-    mosaics = mosaic.build(module.cfg, data, this.folder)
+    sampled = panel.build(module.cfg, data, this.folder)
     profile = [Profile(this.folder, t.profile_steps)] if t.profile_steps else []
-    shown = [curves, *([mosaics] if mosaics else []), Bar(f"stage {this.stage}", curves)]
+    shown = [curves, *([sampled] if sampled else []), Bar(f"stage {this.stage}", curves)]
     first: list[Callback] = [restore, *([ema] if ema else []), *profile]
     return [*first, *shown, saver, ending, Departure(curves.clock)], ending
 

@@ -1,0 +1,1 @@
+"""How metrics react to what is wrong with a clip: `python -m fracgen.sensitivity`."""
