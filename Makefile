@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 QUIET_PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup demo demo-gen test test-gpu check format golden bench bench-gen verify stress stress-gen studies figures clean
+.PHONY: help setup demo demo-gen test test-gpu check format golden bench bench-gen verify stress stress-gen studies laptop figures clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -75,6 +75,9 @@ bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes doc
 
 studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: a quarter of an hour
 	$(RUN) fracsim.bench pareto published thresholds mesh skips reading
+
+laptop: $(VENV)/dev.stamp  ## the stages of training compared at small scale: under three hours of two cores, resumable
+	$(RUN) fracgen.laptop
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
 	$(RUN) fracsim.verify --formulation both
