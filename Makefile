@@ -73,7 +73,7 @@ bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes doc
 	$(RUN) fracsim.bench
 
 studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: a quarter of an hour
-	$(RUN) fracsim.bench pareto published thresholds mesh skips reading
+	$(RUN) fracsim.bench pareto published thresholds order mesh skips reading
 
 verify: $(VENV)/run.stamp  ## problems with known answers; writes docs/verification/*.csv and *.png
 	$(RUN) fracsim.verify --formulation both

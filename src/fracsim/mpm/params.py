@@ -52,5 +52,6 @@ PEAKS = 4
 # Faults: kind, particle, substep; each thread keeps its first one.
 NO_FAULT, SPEED_FAULT, GRID_FAULT = 0, 1, 2
 
-# Tags of particles: grip + 1 in the lowest two bits (0: lower grip, 1: free, 2: upper grip), EXEMPT from damage above.
-FREE, EXEMPT = 1, 4
+# Tags of particles: grip + 1 in the lowest two bits (0: lower grip, 1: free, 2: upper grip), EXEMPT from damage above,
+# then, in units of EXCESS, the excess of strain that is due to a grip's face (`Boundary.excess`).
+FREE, EXEMPT, ABOVE, EXCESS = 1, 4, 8, 1 / 4096

@@ -77,7 +77,9 @@ class State:
         self.side = boundary.side(x)
         self.exempt = boundary.exempt(x)
         self.X0 = x.astype(self.dtype)
-        tag = (self.side + slot.FREE + slot.EXEMPT * self.exempt).astype(np.int32)
+        steps = np.rint(boundary.excess(x, particles.spacing) / slot.EXCESS).astype(np.int32)
+        self.excess = steps * slot.EXCESS
+        tag = (self.side + slot.FREE + slot.EXEMPT * self.exempt + slot.ABOVE * steps).astype(np.int32)
         self.points = Points(self.X0, particles.volume, tag, self.real, forced)
         y = self.X0 / medium.h if self.cellwise else None
         self._cell_starts = self.points.group_by_cell(y, drive.threads)
