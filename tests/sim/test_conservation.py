@@ -195,18 +195,17 @@ def test_energy_of_a_tearing_bar_is_accounted_for(projection: float) -> None:
 def test_a_start_costs_no_energy(speed: float) -> None:
     """Grips that start at a tenth and at eight tenths of the wave speed sqrt(E / rho), with three cells between them.
 
-    Thrown by the first substep, the nodes around four faces would lose about rho h A v^2 / 4 each: a fifth of the work
-    in the first frame.
+    Thrown by the first substep, the nodes around four faces would lose a seventh of the work in the first frame.
     """
     solver = Solver(cells=40)
     s = scene(material=Material(law="neo_hookean", E=2e4, nu=0.45, viscosity=0, decay=0), solver=solver,
               fracture=Fracture(onset=8, crit=9), loading=Loading(offset=0.15, speed=speed),
-              capture=Capture(frames=2, fps=500))  # fmt: skip
+              capture=Capture(frames=2))  # fmt: skip
     simulator = Simulator(s, particles(lattice((0.6, 0.2, 0.2), solver.spacing), solver.spacing))
     for _ in simulator.frames():
         energy = simulator.report.energy()
-    # Energies of the time integration oscillate by (omega dt)^2 / 16 of those of the shortest waves, which are a part.
-    assert abs(energy["unaccounted"]) < 0.02 * energy["grip_work"]
+    # Energies oscillate by (omega dt)^2 / 16 for waves of a frequency omega: 0.6 % for eight cells at dt = 0.8 h / c.
+    assert abs(energy["unaccounted"]) < 0.006 * energy["grip_work"]
 
 
 def test_a_change_of_the_substep_moves_no_energy() -> None:
@@ -224,5 +223,6 @@ def test_a_change_of_the_substep_moves_no_energy() -> None:
     state.run(1, dt / 1.25, 0.0)
     after, _ = energy(dt / 1.25)
     moved = (dt - dt / 1.25) / 2 * abs(power)
-    assert moved > 5e-3 * before  # half of a change of a fifth of a substep of a twentieth of the period
-    assert abs(after - before) < 0.05 * moved
+    assert moved > 4e-3 * before
+    # What a substep of dt moves at constant dt is of second order, (dt power)^2 / energy: a twentieth of `moved` here.
+    assert abs(after - before) < 0.1 * moved
