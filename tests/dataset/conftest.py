@@ -10,9 +10,17 @@ from fracsim.run import pipeline
 from tests.command import SMALL
 
 SCENES = (
-    ("asset=bar", "material=rubber", "loading.speed=4", "capture.frames=8"),
-    ("asset=duck", "loading.speed=4", "loading.axis_deg=30", "capture.frames=8"),
-    ("asset=star", "loading.speed=8", "capture.frames=8", "capture.maps=[damage]", "capture.rgb=false"),
+    ("asset=bar", "material=rubber", "loading.speed=4", "capture.frames=8", "fracture=rubber_late"),
+    ("asset=duck", "loading.speed=4", "loading.axis_deg=30", "capture.frames=8", "fracture.onset=5", "fracture.crit=7"),
+    (
+        "asset=star",
+        "loading.speed=8",
+        "capture.frames=8",
+        "capture.maps=[damage]",
+        "capture.rgb=false",
+        "fracture.onset=9",
+        "fracture.crit=10",
+    ),
     ("asset=bread",),
 )
 """Breaks at frame 5; never breaks; never breaks, without colour; suspect, since such a coarse bread loses energy."""

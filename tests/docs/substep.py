@@ -25,7 +25,7 @@ class Substep:
     def __init__(self, state: State, t: float) -> None:
         s, self.medium, self.total = state, state.medium, state.total
         self.h, self.density, self.X, self.side = s.medium.h, s.medium.material.density, s.X0, s.side
-        self.volume, self.free = s.points.volume.to_numpy(), ~s.exempt
+        self.volume, self.free, self.excess = s.points.volume.to_numpy(), ~s.exempt, s.excess
         self.u, self.v, self.C, self.F, self.d = (
             a.to_numpy() for a in (s.points.U, s.points.V, s.points.C, s.points.F, s.points.D)
         )
@@ -78,7 +78,8 @@ class Substep:
         """Step 4."""
         fracture = self.medium.fracture
         stretch = np.linalg.svd(self.F, compute_uv=False)[:, 0]
-        raw = np.clip((stretch - fracture.onset) / (fracture.crit - fracture.onset), 0, 1)
+        onset, crit = (l + self.excess * (l - 1) for l in (fracture.onset, fracture.crit))
+        raw = np.clip((stretch - onset) / (crit - onset), 0, 1)
         self.d = np.where(self.free, np.maximum(self.d, raw), self.d)
 
     def stress(self, dt: float) -> Array:

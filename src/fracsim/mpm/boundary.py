@@ -63,6 +63,12 @@ class Boundary(Protocol):
     def exempt(self, x: Array) -> Array:
         """Which particles at rest at x [m], (N, 3), gather no damage, (N,) bool."""
 
+    def excess(self, x: Array, spacing: float) -> Array:
+        """By how much particles at rest at x [m], (N, 3), strain more where the load enters, relative, (N,).
+
+        `spacing` [m] is that of neighbours in a body.
+        """
+
     def holding(self, layout: Layout, x: Array) -> Holding:
         """How it holds the nodes of a layout, at rest at x [m], (M, 3) (`total`)."""
 
@@ -85,6 +91,10 @@ class Free:
     def exempt(self, x: Array) -> Array:
         """No particle, (N,) bool."""
         return np.zeros(len(x), bool)
+
+    def excess(self, x: Array, spacing: float) -> Array:
+        """0 for all particles, (N,)."""
+        return np.zeros(len(x))
 
     def holding(self, layout: Layout, x: Array) -> Holding:
         """No node of x, (M, 3)."""

@@ -7,16 +7,21 @@ stress before it, half against the one after, so that the energy closes to secon
 import taichi as ti
 
 from fracsim.mpm.dilatation import stored_motion
-from fracsim.mpm.params import CRIT, DT, EXEMPT, LAM, MU, ONSET
+from fracsim.mpm.params import ABOVE, CRIT, DT, EXCESS, EXEMPT, LAM, MU, ONSET
 from fracsim.tensor import J_MIN, deformed
 
 
 @ti.func
 def grown(p, F, J, c: ti.template()):
-    """Damage of particle p at F with J = det F: at least what it was."""
-    d = c.particles.D[p]
-    if c.particles.tag[p] < EXEMPT and d < 1:
-        d = ti.max(d, c.variant.damage.raw(F, J, c.params[ONSET], c.params[CRIT]))
+    """Damage of particle p at F with J = det F: at least what it was.
+
+    Thresholds rise by the excess of strain that is due to a grip's face.
+    """
+    d, tag = c.particles.D[p], c.particles.tag[p]
+    if tag & EXEMPT == 0 and d < 1:
+        excess = ti.cast(tag // ABOVE, c.variant.real) * EXCESS
+        onset, crit = c.params[ONSET], c.params[CRIT]
+        d = ti.max(d, c.variant.damage.raw(F, J, onset + excess * (onset - 1), crit + excess * (crit - 1)))
     return d
 
 

@@ -22,6 +22,8 @@ FINE = 8
 """Particles a cell. Two particles a cell move the ends by at most 0.006 cells."""
 STEPS = 25
 """Faces between which weights are interpolated."""
+BESIDE = np.linspace(0, 3, 25)
+"""Distances from a face [cells]; further away, no material is stretched more than the middle."""
 
 
 class End(NamedTuple):
@@ -38,22 +40,38 @@ class End(NamedTuple):
     """Distances of the edge beyond `soft`, 0 to `pitch`, (STEPS,)."""
     table: Array
     """Weights a and b for these gaps, (STEPS, 2)."""
+    strain: Array
+    """Strains of particles over that of the middle, for these gaps and at BESIDE, (STEPS, len(BESIDE))."""
 
     def weights(self, gap: Array) -> Array:
         """Weights a and b for edges with these gaps, (n,) -> (n, 2)."""
         return np.stack([np.interp(gap, self.gap, column) for column in self.table.T], axis=1)
+
+    def excess(self, distance: Array, face: float) -> Array:
+        """By how much material at these distances [cells] from a face strains more than the middle, relative, (n,).
+
+        `face`: where the face is [cells beyond the nearest plane of nodes before it]. Where planes lie across the axis,
+        the gap follows from that; oblique planes have all gaps at once, of which the worst counts.
+        """
+        across = self.pitch == 1
+        gap = (face - self.soft) % 1
+        strain = [np.interp(gap, self.gap, column) if across else column.max() for column in self.strain.T]
+        return np.asarray(np.interp(distance, BESIDE, np.maximum(np.array(strain) - 1, 0), left=0, right=0))
 
 
 @cache
 def end(along: float) -> End:
     """The end of a bar whose axis has the component `along`, 0.7 to 1, on the nearest direction of the grid."""
     x = along * np.arange(-HELD, PLANES + 2 + HELD)
-    K = _stiffness(along, x)
+    p, B = _gradient(along, x)
+    K = B.T @ B / FINE
     soft = (_length(K) - along * (PLANES + 1)) / 2
     gap = np.linspace(0, along, STEPS)
-    weights = [_weights(K, np.maximum(x - (along - soft - g), 0)) for g in gap]
-    known = [k for k, w in enumerate(weights) if w is not None]
-    return End(along, float(soft), gap[known], np.array([weights[k] for k in known]))
+    ends = [(f, _tied(K, np.maximum(x - f, 0))) for f in along - soft - gap]
+    known = [k for k, (_, tied) in enumerate(ends) if tied is not None]
+    table = np.array([tied[1] for _, tied in ends if tied is not None])
+    strain = np.array([np.interp(BESIDE, p - f, B @ tied[0]) for f, tied in ends if tied is not None])
+    return End(along, float(soft), gap[known], table, strain)
 
 
 def _bspline(x: Array) -> Array:
@@ -62,9 +80,9 @@ def _bspline(x: Array) -> Array:
     return np.where(x < 0.5, 0.75 - x * x, np.maximum(1.5 - x, 0) ** 2 / 2)
 
 
-def _stiffness(along: float, x: Array) -> Array:
-    """Stiffness between planes of nodes at x of a bar of unit modulus and section, whose particles see them by the MLS
-    gradient 4 w (x_i - x_p), the weights averaged across the axis."""
+def _gradient(along: float, x: Array) -> tuple[Array, Array]:
+    """Positions (P,) of the particles of a bar and how they see planes of nodes at x (M,), (P, M): by the MLS gradient
+    4 w (x_i - x_p), the weights averaged across the axis."""
     across = np.sqrt(max(1 - along**2, 0))
     p = (np.arange(round(FINE * (along * (PLANES + 1) + 6))) + 0.5) / FINE - 3
     d, t = (x - p[:, None])[..., None], np.linspace(-2.5, 2.5, 100)
@@ -72,7 +90,7 @@ def _stiffness(along: float, x: Array) -> Array:
     w /= w.sum(axis=1, keepdims=True)
     B = w * (d[..., 0] - (w * d[..., 0]).sum(axis=1, keepdims=True))
     B /= (B * x).sum(axis=1, keepdims=True)
-    return np.asarray(B.T @ B / FINE)
+    return p, np.asarray(B)
 
 
 def _length(K: Array) -> float:
@@ -84,13 +102,15 @@ def _length(K: Array) -> float:
     return float(1 / (u @ K @ u))
 
 
-def _weights(K: Array, u: Array) -> Array | None:
-    """a and b for a bar whose nodes from the third on are displaced by u; None if nothing balances."""
+def _tied(K: Array, u: Array) -> tuple[Array, Array] | None:
+    """Displacements of all nodes, and a and b, for a bar whose nodes from the third on are displaced by u; None if
+    nothing balances."""
     first, others = HELD + 1, slice(HELD + 2, HELD + 4)
     u = np.where(np.arange(len(u)) <= first, 0, u)
     force, k = K @ u, K[:, first]
     roots = np.roots([k[first], force[first] + k[others] @ u[others], force[others] @ u[others]])
     if np.iscomplex(roots).any():
         return None
-    force = force + roots.min() * k
-    return np.asarray(-force[others] / force[first])
+    u[first] = roots.min()
+    force = force + u[first] * k
+    return u, np.asarray(-force[others] / force[first])

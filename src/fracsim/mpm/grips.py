@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracsim.mpm.boundary import IN_EDGE, Holding
-from fracsim.mpm.ends import End, end
+from fracsim.mpm.ends import BESIDE, End, end
 from fracsim.mpm.layout import Layout
 from fracsim.mpm.params import HALF, REACH, SPEED, UX, UZ
 from fracsim.records import Array
 
-BESIDE = 1.5
-"""Material this near to what a grip moves [cells] is stretched more than that further away, by up to a third."""
+NEIGHBOUR = 1.5
+"""Particles at most this many spacings apart at rest belong to one body."""
 
 
 @dataclass(frozen=True)
@@ -78,23 +78,27 @@ class Grips:
         return f" Both hold some with {ways[0]}." if ways else ""
 
     def exempt(self, x: Array) -> Array:
-        """Which particles at rest at x [m], (N, 3), gather no damage: those within BESIDE of a grip, (N,) bool."""
-        low, high = self.grip_extent()
-        s = np.abs(self.along(x))
-        near = (low - BESIDE * self.h <= s) & (s <= high + BESIDE * self.h)
-        return near & (not self.damage_near)
+        """Which particles at rest at x [m], (N, 3), gather no damage: those that a grip holds, (N,) bool."""
+        return np.asarray((self.side(x) != 0) & (not self.damage_near))
 
-    def grip_extent(self) -> tuple[float, float]:
-        """Distances from the object's centre [m] between which a grip moves particles or nodes at rest."""
-        along = max(np.abs(self.axis))
-        low, high = self.offset - self.thickness / 2, self.offset + self.thickness / 2
-        if self.mode == "soft":
-            return low, high
-        reach = (self.end.soft + along) * self.h
-        low, high = low - reach, high + reach
-        if along == 1:  # the planes of nodes are known
-            low, high = self.h * np.ceil(low / self.h), self.h * np.floor(high / self.h)
-        return low, high
+    def excess(self, x: Array, spacing: float) -> Array:
+        """By how much particles at rest at x [m], (N, 3), strain more where the load enters, relative, (N,).
+
+        Only bodies that a grip holds do, as far as they are joined to what it holds beside the face; `spacing` [m] is
+        that of neighbours in a body.
+        """
+        out = np.zeros(len(x))
+        if self.damage_near:
+            return out
+        s, side = self.along(x), self.side(x)
+        outside = np.abs(s) - self.offset
+        for out_of, face in ((-1, self.offset - self.thickness / 2), (1, self.offset + self.thickness / 2)):
+            here = (side == 0) & (out_of * outside > 0)
+            distance = (np.abs(outside[here]) - self.thickness / 2) / self.h
+            out[here] = self.end.excess(distance, -out_of * face / self.h)
+        near = np.flatnonzero(np.abs(outside) < self.thickness / 2 + BESIDE[-1] * self.h)
+        out[near[~_joined(x[near], side[near] != 0, NEIGHBOUR * spacing)]] = 0
+        return out
 
     def fill(self, params: Array) -> None:
         """Set the slots of the grips in `params`, (PARAMETERS,).
@@ -125,6 +129,18 @@ class Grips:
         out.edge[first] = np.stack([edge, second], axis=1)
         out.weights[first] = hung.weights(gap[edge])
         return out
+
+
+def _joined(x: Array, held: Array, reach: float) -> Array:
+    """Which points x (N, 3), each joined to those within `reach`, are joined to one that is `held`, (N,) bool."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(x).query_pairs(reach, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(len(x), len(x)))
+    part = connected_components(graph, directed=False)[1]
+    return np.isin(part, part[held])
 
 
 def _least(s: Array, offset: float, thickness: float) -> int:

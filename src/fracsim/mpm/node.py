@@ -4,12 +4,12 @@ import taichi as ti
 
 from fracsim.mpm.boundary import IN_EDGE
 from fracsim.mpm.constraint import constrain, edge_impulse, grip_at
+from fracsim.mpm.leapfrog import kick
 from fracsim.mpm.params import (
     ALPHA,
     CELL,
     DECAYED,
     DENSITY,
-    DT,
     FIRST,
     GRAVITY_WORK,
     GX,
@@ -68,8 +68,9 @@ def collect(q, step, c: ti.template()):
                 v += (1 - c.params[ALPHA]) * ti.Vector([old[0], old[1], old[2]])
         a = ti.Vector([c.params[GX], c.params[GY], c.params[GZ]])
         if a.norm_sqr() > 0:
-            add(c.tally, GRAVITY_WORK, mass * c.params[DT] * a.dot(v + (c.params[DT] / 2) * a))
-            v += c.params[DT] * a
+            dt = kick(step, c)
+            add(c.tally, GRAVITY_WORK, mass * dt * a.dot(v + (dt / 2) * a))
+            v += dt * a
     return ti.Vector([v[0], v[1], v[2], mass])
 
 

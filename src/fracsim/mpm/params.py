@@ -31,7 +31,8 @@ LZ = 26  # lowest node of the box, z [cells]
 ROOM = 27  # how far a particle may move before the grid is laid out again [m]
 MAX_SPEED = 28  # speed above which a particle is a fault [m/s]
 TURN = 29  # square of the turn or stretch in a substep that ends the call [1]
-PARAMETERS = 30
+KICK = 30  # time over which forces act in the first substep of the call [s]
+PARAMETERS = 31
 
 # Sums over time, one row a thread.
 PULL_LOW = 0  # impulse of the lower grip along the axis [N s]
@@ -52,5 +53,6 @@ PEAKS = 4
 # Faults: kind, particle, substep; each thread keeps its first one.
 NO_FAULT, SPEED_FAULT, GRID_FAULT = 0, 1, 2
 
-# Tags of particles: grip + 1 in the lowest two bits (0: lower grip, 1: free, 2: upper grip), EXEMPT from damage above.
-FREE, EXEMPT = 1, 4
+# Tags of particles: grip + 1 in the lowest two bits (0: lower grip, 1: free, 2: upper grip), EXEMPT from damage above,
+# then, in units of EXCESS, the excess of strain that is due to a grip's face (`Boundary.excess`).
+FREE, EXEMPT, ABOVE, EXCESS = 1, 4, 8, 1 / 4096

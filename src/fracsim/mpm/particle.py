@@ -14,6 +14,7 @@ from fracsim.mpm.constraint import constrain, prescribed_velocity
 from fracsim.mpm.context import Motion, Strain, Variant
 from fracsim.mpm.damaging import freed, freed_of_cell, grown
 from fracsim.mpm.dilatation import average_volume_ratio, store_motion, stored_motion
+from fracsim.mpm.leapfrog import kick, projected_part
 from fracsim.mpm.params import (
     ALPHA,
     CELL,
@@ -22,7 +23,6 @@ from fracsim.mpm.params import (
     DENSITY,
     DT,
     EXEMPT,
-    FIRST,
     FREE,
     GRID_FAULT,
     INV_CELL,
@@ -59,12 +59,6 @@ def locate(p, c: ti.template()):
     x = c.particles.X[p] if ti.static(c.variant.total) else c.particles.X[p] + c.particles.U[p]
     base, f = stencil(x * c.params[INV_CELL] - ti.Vector([c.params[LX], c.params[LY], c.params[LZ]]))
     return base[0] * c.grid.sx + base[1] * c.grid.sy + base[2], f
-
-
-@ti.func
-def projected_part(step, c: ti.template()):
-    """Part of their momentum that particles give to the nodes: all of it while nodes have no velocity."""
-    return ti.max(c.params[ALPHA], c.params[FIRST]) if step == 0 else c.params[ALPHA]
 
 
 @ti.func
@@ -123,9 +117,10 @@ def advance(p, step, at, f, c: ti.template()):
 
 
 @ti.func
-def scatter_stress(p, at, f, motion: ti.template(), strain: ti.template(), theta, part, c: ti.template()):
-    """Scatter `part` of the particle's momentum, its affine part included, and the impulse of its stress."""
+def scatter_stress(p, at, f, motion: ti.template(), strain: ti.template(), theta, step, c: ti.template()):
+    """Scatter a part of the particle's momentum, its affine part included, and the impulse of its stress."""
     b = ti.static(c.particles)
+    part, dt = projected_part(step, c), kick(step, c)
     v, J = motion.v, strain.J
     d, mass = b.D[p], c.params[DENSITY] * b.volume[p]
     if J < J_MIN and d < 1:
@@ -134,15 +129,15 @@ def scatter_stress(p, at, f, motion: ti.template(), strain: ti.template(), theta
     clamped = ti.static(Strain(strain.F, strain.cof, J))
     P, power = degraded_stress(clamped, theta_clamped, motion.C, d, c)
     if ti.static(c.variant.viscous or c.variant.total):
-        add(c.tally, VISCOUS, b.volume[p] * c.params[DT] * power)
+        add(c.tally, VISCOUS, b.volume[p] * dt * power)
     grip = grip_of(p, c)
     if ti.static(c.variant.boundary == "soft"):
         if grip != 0:
             v = constrain(grip, part * mass, v, c)
-    affine = (part * mass * c.params[CELL]) * motion.C - (4 * c.params[DT] * c.params[INV_CELL] * b.volume[p]) * P
+    affine = (part * mass * c.params[CELL]) * motion.C - (4 * dt * c.params[INV_CELL] * b.volume[p]) * P
     momentum = (part * mass) * v
     if ti.static(c.variant.forced):
-        momentum += (mass * c.params[DT]) * b.force[p]
+        momentum += (mass * dt) * b.force[p]
     scatter(c.grid, at, f, momentum, affine, mass)
 
 
@@ -165,14 +160,14 @@ def update_particle(p, gathers, scatters, step, shift, c: ti.template()):
                 stays = False
                 release_failed(p, at, f, c)
             if stays:
-                scatter_stress(p, at + shift, f, motion, strain, J, projected_part(step, c), c)
+                scatter_stress(p, at + shift, f, motion, strain, J, step, c)
         else:  # weights from the new position, whose nodes must be in use
             if not ti.abs(b.U[p] - b.anchor[p]).max() < c.params[ROOM]:
                 stays = False
                 report_fault(c.tally, GRID_FAULT, p, step)
             if stays:
                 now, there = locate(p, c)
-                scatter_stress(p, now + shift, there, motion, strain, J, projected_part(step, c), c)
+                scatter_stress(p, now + shift, there, motion, strain, J, step, c)
         if not stays:
             b.V[p], b.C[p] = v, C
 
@@ -238,7 +233,7 @@ def scatter_particle(p, gathers, scatters, step, shift, c: ti.template()):
         J = volume_ratio(F, cof)
         motion = ti.static(Motion(v, C))
         strain = ti.static(Strain(F, cof, J))
-        scatter_stress(p, at + shift, f, motion, strain, b.theta[p], projected_part(step, c), c)
+        scatter_stress(p, at + shift, f, motion, strain, b.theta[p], step, c)
 
 
 @ti.func

@@ -81,7 +81,7 @@ class Fracture:
     length: float = knob(0.0, "cell size for which onset and crit are meant; on other cells lambda_crit is rescaled "
                          "so that the fracture energy per area stays the same; 0 = no rescaling", "m",
                          least=0.0, most=1.0)  # fmt: skip
-    at_grips: bool = knob(False, "accumulate damage also in grip particles and within 1.5 h of nodes that a grip moves")
+    at_grips: bool = knob(False, "accumulate damage also in grip particles, and beside them at unchanged thresholds")
 
     def __post_init__(self) -> None:
         check(self, "fracture")

@@ -116,8 +116,8 @@ class Report:
         s = (particles.X.astype(np.float64) - CENTRE) @ np.asarray(scene.loading.axis)
         if not self.free[np.abs(s) < scene.loading.offset].any():
             self.warnings.append(
-                "nothing between the grips can tear: it is within 1.5 h of what they move and gathers no damage; use a "
-                "larger loading.offset, more solver.cells or fracture.at_grips=true"
+                "nothing between the grips can tear: no particle lies there that they do not hold; use a larger "
+                "loading.offset, more solver.cells or fracture.at_grips=true"
             )
 
     @property

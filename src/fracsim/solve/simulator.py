@@ -69,6 +69,7 @@ class Simulator:
 
     def frames(self) -> Iterator[Frame]:
         """Yield frame 0 (the rest state), 1, 2, ... of capture.frames."""
+        self.state.start()
         for k in range(self.scene.capture.frames):
             if k and self.settled:
                 U = self.state.points.U.to_numpy()

@@ -85,7 +85,7 @@ def at_break(simulator: Simulator) -> float:
 def over_gauge(simulator: Simulator, law: str, nu: float, stretch: float, load: float) -> float:
     """Nominal stretch of a bar whose middle has the stretch `stretch`, at the load / section / E `load`.
 
-    Its ends are exempt from damage, so that their stretch is that of the undamaged law at this load.
+    What of it is exempt from damage has the stretch of the undamaged law at this load.
     """
     s = (simulator.particles.X.astype(np.float64) - CENTRE) @ np.asarray(simulator.scene.loading.axis)
     ends = float((~simulator.report.free[np.abs(s) < simulator.scene.loading.gauge / 2]).mean())
