@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from fracsim.asset.frame import LatticeFrame
 from fracsim.mpm import params as slot
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.energy import kinetic
@@ -36,6 +38,7 @@ Progress = Callable[[int, float, float], None]
 class Simulator:
     """Runs a scene: `for frame in Simulator(scene, particles).frames(): ...`.
 
+    Particles and frames are those of the world; the state is in the frame of the lattices (`fracsim.asset.frame`).
     Frames hold particles in the order of `self.particles`. `prepared` is what `ready(scene)` gave, if it was called
     before. Raises ValueError for a scene that cannot run, and SimulationError where something goes wrong.
     """
@@ -44,17 +47,21 @@ class Simulator:
         self, scene: Scene, particles: Particles, progress: Progress | None = None, prepared: Ready | None = None
     ) -> None:
         medium, warnings = prepared or ready(scene)
-        self.scene, self.particles = scene, in_memory_order(particles, medium.h)
+        self.lattice = LatticeFrame(scene.lattice_deg)
+        self.scene, self.particles = scene, in_memory_order(particles, medium.h, self.lattice)
+        self._rest = self.lattice.points(self.particles.X)
+        turned = self.lattice.scene(scene)
+        medium = replace(medium, gravity=tuple(turned.loading.gravity))
         drive = Drive.choose(scene.backend, len(particles))
-        self.state = State(medium, self.particles, grips(scene), drive)
+        self.state = State(medium, replace(self.particles, X=self._rest), grips(turned), drive)
         self.report = Report(scene, medium, self.particles, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
         self.march = March(self.state)
-        bonds = Bonds(self.particles.X, self.particles.spacing, medium.h)
+        bonds = Bonds(self._rest, self.particles.spacing, medium.h)
         self.fragments = Fragments(self.state, bonds, scene.solver.particles_per_axis**3)
-        self.follow_intact = FollowIntact(self.particles.X, medium.h)
-        self.settled = Settled(scene.loading, 1 / scene.capture.fps, self.state.side)
+        self.follow_intact = FollowIntact(self._rest, medium.h)
+        self.settled = Settled(turned.loading, 1 / scene.capture.fps, self.state.side)
         self._set_limits()
 
     def _set_limits(self) -> None:
@@ -90,7 +97,7 @@ class Simulator:
         report = self.report
         if self.march.dt > done.bound and not any("at the present stretch" in w for w in report.warnings):
             report.warnings.append(messages.fixed_dt(self.march.dt, done.bound, len(report.history.t)))
-        message = messages.of_state(self.state, k, report.substeps - done.n)
+        message = messages.of_state(self.state, k, report.substeps - done.n, self.lattice)
         if message:
             raise SimulationError(message)
         clamped = self.state.sums()[slot.CLAMPED] - report.clamped
@@ -123,6 +130,8 @@ class Simulator:
         report.capped = max(report.capped, int((beyond & ~failed).sum()))
         if s.total:
             self.follow_intact(x, v, F, failed, self.fragments.of)
+        x, v = self.lattice.points_to_world(x), self.lattice.vectors_to_world(v)
+        F, tau = self.lattice.tensors_to_world(F), self.lattice.tensors_to_world(tau)
         frame = Frame(k, t, x, *(a.astype(np.float32) for a in (v, F, tau, d)))
         if self.scene.solver.until == "settled" and report.parted and not self.settled:
             self.settled.update(s.points.V.to_numpy(), s.points.C.to_numpy(), failed, self.fragments.of)
@@ -139,7 +148,7 @@ class Simulator:
         if s.boundary.mode == "rigid":
             held = s.side != 0
             shift = s.side[held, None] * s.boundary.speed * t * np.asarray(s.boundary.axis)
-            x[held] = (self.particles.X[held] + shift).astype(np.float32)
+            x[held] = (self._rest[held] + shift).astype(np.float32)
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted: `whole`, `broken` by damage, or `torn` numerically."""
