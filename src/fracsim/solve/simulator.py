@@ -49,18 +49,17 @@ class Simulator:
         medium, warnings = prepared or ready(scene)
         self.lattice = LatticeFrame(scene.lattice_deg)
         self.scene, self.particles = scene, in_memory_order(particles, medium.h, self.lattice)
-        self._rest = self.lattice.points(self.particles.X)
         turned = self.lattice.scene(scene)
         medium = replace(medium, gravity=tuple(turned.loading.gravity))
         drive = Drive.choose(scene.backend, len(particles))
-        self.state = State(medium, replace(self.particles, X=self._rest), grips(turned), drive)
+        self.state = State(medium, replace(self.particles, X=self.lattice.points(self.particles.X)), grips(turned), drive)
         self.report = Report(scene, medium, self.particles, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
         self.march = March(self.state)
-        bonds = Bonds(self._rest, self.particles.spacing, medium.h)
+        bonds = Bonds(self.particles.X, self.particles.spacing, medium.h)
         self.fragments = Fragments(self.state, bonds, scene.solver.particles_per_axis**3)
-        self.follow_intact = FollowIntact(self._rest, medium.h)
+        self.follow_intact = FollowIntact(self.particles.X, medium.h)
         self.settled = Settled(turned.loading, 1 / scene.capture.fps, self.state.side)
         self._set_limits()
 
@@ -113,25 +112,26 @@ class Simulator:
     def _frame(self, k: int) -> Frame:
         """Read the particles, with F of at most lambda_crit; failed ones follow intact ones (`total`)."""
         s, t, report = self.state, k / self.scene.capture.fps, self.report
-        x = (s.X0.astype(np.float64) + s.points.U.to_numpy() + np.asarray(CENTRE)).astype(np.float32)
+        world = self.lattice
+        x = world.points_to_world(s.X0.astype(np.float64) + s.points.U.to_numpy() + np.asarray(CENTRE))
+        x = x.astype(np.float32)
         self._hold(x, t)
         if s.total:
             self.fragments.update()
             report.crumbled = self.fragments.crumbled
-        v, F, d = (a.to_numpy() for a in (s.points.V, s.points.F, s.points.D))
+        v, F, d = world.vectors_to_world(s.points.V.to_numpy()), s.points.F.to_numpy(), s.points.D.to_numpy()
         if s.boundary.mode == "rigid":
             held = s.side != 0
-            v[held] = s.side[held, None] * s.boundary.speed * np.asarray(s.boundary.axis)
+            v[held] = s.side[held, None] * s.boundary.speed * np.asarray(self.scene.loading.axis)
         seen = s.observe()
         failed = d >= 1
-        verdict = "parted" if report.parted else self._verdict(x, F, failed)
+        verdict = "parted" if report.parted else self._verdict(x, world.tensors_to_world(F), failed)
         F, beyond = capped(F, report.medium.fracture.crit)
         tau = stress_at(s, F) if (beyond & ~failed).any() else seen.tau
         report.capped = max(report.capped, int((beyond & ~failed).sum()))
+        F, tau = world.tensors_to_world(F), world.tensors_to_world(tau)
         if s.total:
             self.follow_intact(x, v, F, failed, self.fragments.of)
-        x, v = self.lattice.points_to_world(x), self.lattice.vectors_to_world(v)
-        F, tau = self.lattice.tensors_to_world(F), self.lattice.tensors_to_world(tau)
         frame = Frame(k, t, x, *(a.astype(np.float32) for a in (v, F, tau, d)))
         if self.scene.solver.until == "settled" and report.parted and not self.settled:
             self.settled.update(s.points.V.to_numpy(), s.points.C.to_numpy(), failed, self.fragments.of)
@@ -147,8 +147,8 @@ class Simulator:
         s = self.state
         if s.boundary.mode == "rigid":
             held = s.side != 0
-            shift = s.side[held, None] * s.boundary.speed * t * np.asarray(s.boundary.axis)
-            x[held] = (self._rest[held] + shift).astype(np.float32)
+            shift = s.side[held, None] * s.boundary.speed * t * np.asarray(self.scene.loading.axis)
+            x[held] = (self.particles.X[held] + shift).astype(np.float32)
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted: `whole`, `broken` by damage, or `torn` numerically."""
