@@ -50,8 +50,9 @@ demo-gen: $(VENV)/gen.stamp  ## simulate eight small clips, train a small genera
 	$(RUN) fracgen.sample run=$$(ls -dt $(DEMO)/runs/stage1-* | head -n 1) data=$(DEMO)/clips split=train limit=2 sampler=preview vae=tiny vae.path=$(DEMO)/vae encoders=tiny output.folder=$(DEMO)/generated
 	@ls $(DEMO)/generated/*/strip.mp4 $(DEMO)/runs/*/losses.png $(DEMO)/vae/sheet.png
 
-test: $(VENV)/dev.stamp  ## all tests that take seconds
-	$(RUN) pytest -m "not gpu"
+# A thread a process: more would wait for each other.
+test: $(VENV)/dev.stamp  ## all tests that take seconds, folders side by side
+	OMP_NUM_THREADS=1 $(RUN) pytest -m "not gpu" -n auto --dist loadgroup
 
 test-gpu: $(VENV)/dev.stamp  ## compare CUDA, Vulkan or Metal with the CPU, where there is one
 	$(RUN) pytest -m gpu

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import torch
 from torch import Tensor, nn
@@ -24,7 +25,8 @@ def read(path: Path) -> dict[str, Tensor]:
             from safetensors.torch import load_file
 
             return dict(load_file(path))
-        content = torch.load(path, map_location="cpu", weights_only=True, mmap=True)
+        mapped = is_zipfile(path)  # files of before 2020 are none, and cannot be mapped
+        content = torch.load(path, map_location="cpu", weights_only=True, mmap=mapped)
         content = content.get("state_dict", content)
         return {str(name): value for name, value in content.items() if isinstance(value, Tensor)}
     except Exception as error:

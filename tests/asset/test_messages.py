@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
 from fracsim.mpm.grips import Grips
 from fracsim.scene.program import compose
@@ -53,7 +54,7 @@ def test_the_command_line_takes_such_a_path(tmp_path):
     """`-c job` prints the configuration, without a simulation."""
     command = [sys.executable, "-m", "fracsim", "-c", "job", "asset=mesh", f"asset.path={tmp_path}/l\u00f6we (1)=2.obj"]
     shown = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=True, env=None)
-    assert f"{tmp_path}/l\u00f6we (1)=2.obj" in shown.stdout
+    assert OmegaConf.create(shown.stdout).asset.path == f"{tmp_path}/l\u00f6we (1)=2.obj"
 
 
 def refused(x, **fields):

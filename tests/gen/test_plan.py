@@ -274,7 +274,7 @@ def test_the_command_takes_clips_of_a_cache_and_says_what_a_training_takes(tmp_p
     latents = synthetic.write(tmp_path / "latents", clips=8, frames=9, size=32)
     done = _command(*SMALL, f"data.folder={latents}")
     assert done.returncode == 0, done.stderr
-    assert "4 clips of 9 frames, 32 x 32 px (of data.folder=" in done.stdout
+    assert "4 clips of 9 frames, 32 x 32 px (of data.folder=" in " ".join(done.stdout.split())  # the line is folded
     for words in ("tokens of a clip", "backward", "an epoch (h)", "activations kept", "checkpointing=selective", "yes"):
         assert words in done.stdout
 

@@ -71,7 +71,7 @@ def test_every_experiment_runs(experiment: str, latents: Path, tmp_path: Path) -
 @pytest.mark.parametrize("debug", DEBUG)
 def test_every_debug_choice_runs(debug: str, latents: Path, tmp_path: Path) -> None:
     more = ("trainer=cpu", "trainer.batch=1", "trainer.effective_batch=1", "data.workers=0", "logger.videos=0")
-    steps = () if debug == "profile" else ("stages.stage1.steps=2",)
+    steps = () if debug == "profile" else tuple(f"stages.stage{k}.steps=2" for k in (1, 2, 3))
     (run,) = stages.run(TRAIN.compose(f"+debug={debug}", "model=tiny", *TINY[1:], *more, *steps,
                                       f"data.folder={latents}", f"output.folder={tmp_path}"))  # fmt: skip
     assert run.finished

@@ -271,7 +271,7 @@ def test_a_patch_vae_is_the_best_linear_codec_at_first() -> None:
     cut = patches.cut(decoded).transpose(0, 1).flatten(1).T
     lost = (cut - rows).square().sum(dim=1).mean()
     values = torch.linalg.svdvals((rows - rows.mean(dim=0)).double()).square() / len(rows)
-    assert float(lost) == pytest.approx(float(values[16:].sum()), rel=1e-4)
+    assert float(lost.detach()) == pytest.approx(float(values[16:].sum()), rel=1e-4)
     torch.testing.assert_close(latent.std(dim=(0, 2, 3, 4), correction=0), torch.ones(16), atol=1e-3, rtol=0)
 
 

@@ -237,7 +237,8 @@ def test_ctrl_c_leaves_what_was_filmed(tmp_path: Path) -> None:
     os.killpg(process.pid, signal.SIGINT)  # as the terminal does: to its children too
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err == "interrupted: repeat the command to go on; finished samples are not made again\n"
+    said = [line for line in err.splitlines() if not line.startswith("frame ")]  # a sign of life on slow machines
+    assert said == ["interrupted: repeat the command to go on; finished samples are not made again"]
     (path,) = samples(tmp_path)
     assert check_incomplete(path, reason="interrupted by the user") >= 3
     assert f"{path}\n" in out

@@ -72,7 +72,7 @@ class Metric(TorchMetric, ABC):
 
 
 def mean(values: Array) -> float:
-    """The mean of what is not NaN; NaN when nothing is."""
+    """The mean of what is not NaN among values (n,); NaN when nothing is."""
     values = np.asarray(values, np.float64)
     defined = values[~np.isnan(values)]
     return float(defined.mean()) if defined.size else float("nan")

@@ -1,8 +1,8 @@
 """Point trackers: one file each, chosen by name.
 
-A module has `Settings`, a dataclass of its fields, and `build(settings)`, which returns a function
-`track(clip, queries, t0) -> (tracks, visible)`: queries (N, 2) float [px, x right and y down] in frame t0,
-tracks (T, N, 2) float64, visible (T, N) bool.
+A module has `Settings`, a dataclass of its fields, and `build(settings)`, which returns a
+`fracgen.evaluation.tracker.Tracker` or raises ValueError for what is not installed. Positions of points are in pixels
+from the top left corner, x right and y down.
 """
 
 NEEDED = ("Settings", "build")

@@ -7,6 +7,7 @@ start, and as nothing is computed at full resolution it costs little.
 
 from typing import Any
 
+import numpy as np
 import torch
 from diffusers import AutoencoderKLWan
 from diffusers.models.autoencoders.autoencoder_kl_wan import WanCausalConv3d, WanResidualBlock, WanRMS_norm
@@ -130,13 +131,20 @@ def principal(patches: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def smooth() -> tuple[Tensor, Tensor, Tensor]:
-    """The same of pixels in [-1, 1] whose correlation falls exponentially with distance: nearly cosines, any shape."""
-    covariance = torch.ones(1, 1)
+    """The same of pixels in [-1, 1] whose correlation falls exponentially with distance: nearly cosines, any shape.
+
+    The covariance is a Kronecker product, and so are its eigenvectors. Digits beyond float32 are cut, so that machines
+    and numbers of threads agree: the hash of the weights names a cache.
+    """
+    values, vectors = np.ones(1), np.ones((1, 1))
     for size in (3, TIME, SPACE, SPACE):
-        place = torch.arange(size)
-        covariance = torch.kron(covariance, SMOOTHNESS ** (place[:, None] - place).abs())
-    values, vectors = torch.linalg.eigh(covariance / 4)
-    return torch.zeros(VALUES), *_largest(values, vectors)
+        place = np.arange(size)
+        axis_values, axis_vectors = np.linalg.eigh(SMOOTHNESS ** np.abs(place[:, None] - place))
+        axis_vectors *= np.sign(axis_vectors[0])
+        values, vectors = np.kron(values, axis_values), np.kron(vectors, axis_vectors)
+    rising = np.argsort(values.round(9), kind="stable")
+    ordered = (torch.from_numpy(part.round(7)).float() for part in (values[rising] / 4, vectors[:, rising]))
+    return torch.zeros(VALUES), *_largest(*ordered)
 
 
 def _largest(values: Tensor, vectors: Tensor) -> tuple[Tensor, Tensor]:

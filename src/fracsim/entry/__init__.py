@@ -1,6 +1,6 @@
 """How a program of `fracsim.scene.program` runs from the command line: its errors, its help, its signals; no Taichi."""
 
 from fracsim.entry.command import BAD, INTERRUPTED, complain, launch, main
-from fracsim.entry.interrupt import Interrupt
+from fracsim.entry.interrupt import Interrupt, interrupted
 
-__all__ = ["BAD", "INTERRUPTED", "Interrupt", "complain", "launch", "main"]
+__all__ = ["BAD", "INTERRUPTED", "Interrupt", "complain", "interrupted", "launch", "main"]

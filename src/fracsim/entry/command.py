@@ -4,12 +4,12 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 # Let Hydra's errors arrive in main(), which explains them.
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
-from fracsim.entry.interrupt import Interrupt
+from fracsim.entry.interrupt import Interrupt, interrupted
 from fracsim.scene.program import Program
 from fracsim.scene.quoting import quoted
 from fracsim.version import __version__
@@ -41,6 +41,8 @@ def launch(program: Program[T], task: Callable[[T], Any], resume: str) -> None:
         try:
             task(program.resolve(config, overrides))
         except (ValueError, OSError) as error:
+            if interrupted():
+                raise KeyboardInterrupt from error
             complain(_told(error))
             failed.append(error)
             if os.getpid() != process:  # a worker, whose list nobody reads
@@ -80,8 +82,9 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     rest = [a for a in rest if a not in files]
     overrides = [a for a in rest if "=" in a or a[:1] == "~"]
     sys.argv[1:] = multirun + rest  # Hydra does not look for it between overrides
+    interrupt = Interrupt()
     try:
-        with Interrupt():
+        with interrupt:
             program.check_deleted(overrides)
             program.register(with_help=bool({"-h", "--help"} & set(rest)))
             primary = program.register_file(Path(files[-1]), overrides) if files else ""
@@ -91,16 +94,22 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
                 sys.argv += ["--config-name", primary] if primary else []
                 run()
     except (HydraException, ValueError) as error:
+        if interrupt.seen:
+            _interrupted(resume)
         complain(program.explain(error, overrides) if _of_hydra(error) else str(error))
         sys.exit(BAD)
     except KeyboardInterrupt:
-        print(f"interrupted: {resume}", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        _interrupted(resume)
     except BrokenPipeError:  # the reader has seen enough, as in `--help | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         complain(_told(error))
         sys.exit(BAD)
+
+
+def _interrupted(resume: str) -> NoReturn:
+    print(f"interrupted: {resume}", file=sys.stderr)
+    sys.exit(INTERRUPTED)
 
 
 def _of_hydra(error: BaseException) -> bool:

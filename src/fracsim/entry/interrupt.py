@@ -4,6 +4,17 @@ import signal
 import threading
 from types import FrameType, TracebackType
 
+_active: list["Interrupt"] = []
+"""Contexts that are open, the outermost first."""
+
+
+def interrupted() -> bool:
+    """Whether a signal to stop came within an open context.
+
+    Libraries may turn the KeyboardInterrupt into an error of their own, which is then no fault of the input.
+    """
+    return any(context.seen for context in _active)
+
 
 class Interrupt:
     """A context in which `check` raises KeyboardInterrupt after a Ctrl-C, SIGTERM (a batch system) or SIGHUP.
@@ -17,6 +28,7 @@ class Interrupt:
 
     def __enter__(self) -> "Interrupt":
         self._ours = threading.current_thread() is threading.main_thread()  # the only one that may set handlers
+        _active.append(self)
         self._before = {number: signal.signal(number, self._note) for number in self._signals()}
         return self
 
@@ -25,6 +37,7 @@ class Interrupt:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
+        _active.remove(self)
 
     def _signals(self) -> list[signal.Signals]:
         """The signals that stop a run."""
@@ -35,7 +48,8 @@ class Interrupt:
         return found if self._ours else []
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.seen = True
+        for context in _active:
+            context.seen = True
         raise KeyboardInterrupt
 
     def check(self) -> None:

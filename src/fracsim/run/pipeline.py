@@ -6,7 +6,7 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.asset.build import build_of
-from fracsim.entry.interrupt import Interrupt
+from fracsim.entry.interrupt import Interrupt, interrupted
 from fracsim.records import Frame, Particles
 from fracsim.render.film import Film
 from fracsim.run.outcome import Outcome, health
@@ -67,7 +67,7 @@ def _stopped(error: BaseException, writer: Writer | None = None) -> Outcome:
     """The outcome of an error, and of the frames that the writer has kept."""
     frames = writer.frames if writer else 0
     path = writer.folder if writer and frames else None
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, KeyboardInterrupt) or interrupted():
         return Outcome("interrupted", path, INTERRUPTED, frames=frames)
     return Outcome("failed", path, str(error), frames=frames)
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from fracsim.entry.interrupt import Interrupt
+from fracsim.entry.interrupt import Interrupt, interrupted
 from fracsim.run import journal
 from fracsim.run.attempt import Attempt, Summary, Task
-from fracsim.run.outcome import Outcome
+from fracsim.run.outcome import Outcome, Status
 from fracsim.run.watcher import SweepWatcher, Watcher
 from fracsim.sample import scene_id
 from fracsim.sample.folder import clear, root
@@ -31,6 +31,7 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, r
     watch, summary = watch or SweepWatcher(), Summary()
     with Interrupt() as interrupt:
         for item in scenes:
+            interrupt.check()
             task = item if isinstance(item, Task) else Task(item)
             with watch.scene(task) as follow:
                 attempt = run_one(task, follow, record)
@@ -38,6 +39,7 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, r
             watch.done(attempt)
             if summary.interrupted:
                 break
+        else:
             interrupt.check()
     return summary
 
@@ -52,7 +54,8 @@ def run_one(task: Task, follow: Watcher | None = None, record: bool = True) -> A
     try:
         outcome = _run(task, follow)
     except Exception as error:  # a fault of the program: of this scene, not of the sweep
-        outcome = Outcome("failed", reason=f"{type(error).__name__}: {error}")
+        status: Status = "interrupted" if interrupted() else "failed"
+        outcome = Outcome(status, reason=f"{type(error).__name__}: {error}")
         details = traceback.format_exc()
     attempt = Attempt(task, _name(task), outcome, time.perf_counter() - start)
     if not record:
