@@ -62,9 +62,11 @@ def bar_scene(folder: Path, material: str, quality: str, axis_deg: float, lattic
     mesh.apply_transform(trimesh.transformations.rotation_matrix(np.radians(axis_deg), [0, 0, 1]))
     path = folder / f"bar_{axis_deg:g}.obj"
     mesh.export(path)
-    scene = compose("asset=mesh", f"asset.path='{path}'", f"asset.size={np.ptp(mesh.vertices, axis=0).max()}", material,
-                    f"quality={quality}", "loading.grips=sliding", f"loading.axis_deg={axis_deg}",
-                    f"solver.lattice={lattice}", "backend.threads=1")  # fmt: skip
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    overrides = ("asset=mesh", f"asset.path='{path}'", f"asset.size={size}", material, f"quality={quality}",
+                 "loading.grips=sliding", f"loading.axis_deg={axis_deg}", f"solver.lattice={lattice}",
+                 "backend.threads=1")  # fmt: skip
+    scene = compose(*overrides)
     load = scene.loading
     duration = (_closed_form(scene)[0] * BEYOND - 1) * load.gauge / (2 * load.speed)
     return replace(scene, capture=replace(scene.capture, frames=FRAMES, fps=(FRAMES - 1) / duration))

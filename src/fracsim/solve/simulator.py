@@ -52,7 +52,9 @@ class Simulator:
         turned = self.lattice.scene(scene)
         medium = replace(medium, gravity=tuple(turned.loading.gravity))
         drive = Drive.choose(scene.backend, len(particles))
-        self.state = State(medium, replace(self.particles, X=self.lattice.points(self.particles.X)), grips(turned), drive)
+        self.state = State(
+            medium, replace(self.particles, X=self.lattice.points(self.particles.X)), grips(turned), drive
+        )
         self.report = Report(scene, medium, self.particles, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
         self.progress = progress or (lambda n, dt, t: None)

@@ -46,8 +46,8 @@ def pulled(setting: Setting, law: str, nu: float, most: float, gauge: float, axi
     """Load and J of a pulled bar, each over the closed form.
 
     The bar has 4 x 4 cells in section and sliding grips, `gauge` cells apart. It is pulled to the nominal stretch
-    `most` along `axis` [degrees], on a lattice along x. The load is a mean over the last tenth of the pull, J is that of the middle at the
-    end.
+    `most` along `axis` [degrees], on a lattice along x. The load is a mean over the last tenth of the pull, J is that
+    of the middle at the end.
     """
     solver, material = replace(setting.solver(50), lattice="world"), Material(law=law, E=E, nu=nu)
     h, frames = solver.h, 60
