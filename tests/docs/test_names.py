@@ -24,6 +24,7 @@ PAGES = sorted(
     p.relative_to(ROOT).as_posix() for p in (*ROOT.glob("docs/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md")
 )
 SCHEMAS = {"encode": "EncodeConfig", "sample": "SampleConfig", "plan": "PlanConfig", "export": "ExportConfig",
+           "evaluate": "EvaluateConfig",
            "train_vae": "TrainVaeConfig"}  # fmt: skip
 """Those of fracgen; the plan has the fields of a training too."""
 CONFIGS = [getattr(importlib.import_module(f"fracgen.config.{module}"), name) for module, name in SCHEMAS.items()]

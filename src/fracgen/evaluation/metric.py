@@ -36,6 +36,12 @@ class Metric(TorchMetric, ABC):
     higher: Mapping[str, bool] = {}
     """Whether higher is better, by name of a result; absent where neither is."""
 
+    resamples: ClassVar[int] = 10**6
+    """Most resamples of a bootstrap, for what takes long to reduce."""
+    of_sets: ClassVar[bool] = False
+    """Whether a result is a distance between sets of clips that a clip twice in a set changes: resamples then show its
+    spread, not where it lies."""
+
     def __init__(self) -> None:
         super().__init__()
         for name in self.columns:

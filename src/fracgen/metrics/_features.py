@@ -36,8 +36,8 @@ class FeatureDistance(Metric):
     title: ClassVar[str]
     """The name of the result."""
     needs = (RGB,)
-    resamples: ClassVar[int] = 200
-    """Most resamples of a bootstrap: a resample of thousands of clips takes tenths of a second."""
+    resamples: ClassVar[int] = 50
+    """A resample of thousands of clips takes up to a second."""
 
     def __init__(self, settings: FeatureSettings, section: str) -> None:
         self.short, self.keep_true = settings.short, settings.keep

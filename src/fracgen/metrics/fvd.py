@@ -33,6 +33,7 @@ class Fvd(FeatureDistance):
     """The distance of all frames, fvd, and of a strided shorter clip, fvd16."""
 
     title = "fvd"
+    of_sets = True
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, SECTION)

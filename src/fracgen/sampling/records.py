@@ -88,6 +88,7 @@ def write(request: Request, made: Made, rgb: Array, videos: Mapping[str, Array],
         frames=frames,
         fps=made.run.cache["fps"],
         maps=infos,
+        about={"encoding": encoding(made.run)},
         packages=PACKAGES,
     )
     pixels = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
@@ -95,6 +96,11 @@ def write(request: Request, made: Made, rgb: Array, videos: Mapping[str, Array],
         for k, frame in enumerate(pixels):
             writer.add(k, frame, None, {name: value[k] for name, value in values.items()})
         return writer.finish(report=report(rgb, request.read()), seconds=seconds)
+
+
+def encoding(run: TrainedRun) -> dict[str, Any]:
+    """How simulated clips became those that the run was trained on: what tells which true frame belongs to which."""
+    return {"frame_select": run.cache["frame_select"], "percentile": run.cache["normalisation"]["percentile"]}
 
 
 def report(rgb: Array, picture: Array) -> dict[str, float]:

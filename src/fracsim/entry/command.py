@@ -86,6 +86,7 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     try:
         with interrupt:
             program.check_deleted(overrides)
+            program.check_plugins(overrides)
             program.register(with_help=bool({"-h", "--help"} & set(rest)))
             primary = program.register_file(Path(files[-1]), overrides) if files else ""
             if [a for a in rest if a not in overrides] in (["-c", "job"], ["--cfg", "job"]) and not multirun:

@@ -9,7 +9,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from fracsim.scene import effect, explain, space
+from fracsim.scene import effect, explain, plugins, space
 from fracsim.scene.knob import check_names, describe, text
 from fracsim.scene.manual import manual
 from fracsim.scene.quoting import quoted
@@ -42,6 +42,8 @@ class Program(Generic[T]):
     folder: Path = conf()
     optional: tuple[str, ...] = ()
     """Groups that are not in the defaults list: chosen by +GROUP=CHOICE."""
+    plugins: tuple[str, ...] = ()
+    """Groups of which several choices count at once; the field of such a group is a mapping, a section a choice."""
     check: Callable[[T, Collection[str]], None] | None = None
     """Raises ValueError for an object with fields, set by hand, that do not go together."""
 
@@ -152,6 +154,23 @@ class Program(Generic[T]):
                 raise ValueError(f"~{field} cannot be used: every {self.noun} has {field}; leave it out for its "
                                  f"default, or set it. See python -m {self.name} --help.")  # fmt: skip
 
+    def check_plugins(self, overrides: Sequence[str]) -> None:
+        """Raise ValueError for an override of a field that no chosen section of a group in `plugins` has."""
+        from omegaconf import OmegaConf
+
+        for group in self.plugins:
+            plugins.check_names(overrides, group)
+        single = [o for o in overrides if o.partition("=")[0].partition(".")[0].lstrip("~") in self.plugins and "." in
+                  o.partition("=")[0]]  # fmt: skip
+        if not single:
+            return
+        content: Any = OmegaConf.to_container(OmegaConf.load(self.folder / f"{self.primary}.yaml"))
+        for override in single:
+            group = override.lstrip("~").partition(".")[0]
+            default = next((e[group] for e in content["defaults"] if isinstance(e, dict) and group in e), ())
+            plugins.check(override, self.folder / group, plugins.chosen(overrides, group, default),
+                          f"See python -m {self.name} --help.")  # fmt: skip
+
     def explain(self, error: Exception, overrides: Sequence[str]) -> str:
         """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
         return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
@@ -169,6 +188,7 @@ class Program(Generic[T]):
         from hydra.errors import HydraException
 
         self.check_deleted(overrides)
+        self.check_plugins(overrides)
         with _hydra_alone():
             self.register()
             with initialize_config_dir(str(self.folder), version_base="1.3"):
