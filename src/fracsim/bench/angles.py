@@ -15,6 +15,7 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.asset.build import build_of
+from fracsim.asset.place import rotation
 from fracsim.bench.record import Row
 from fracsim.records import Particles
 from fracsim.scene.program import compose
@@ -59,7 +60,9 @@ def bar_scene(folder: Path, material: str, quality: str, axis_deg: float, lattic
     import trimesh
 
     mesh = trimesh.creation.box(EDGES)
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.radians(axis_deg), [0, 0, 1]))
+    turn = np.eye(4)
+    turn[:3, :3] = rotation([0.0, 0.0, axis_deg])
+    mesh.apply_transform(turn)
     path = folder / f"bar_{axis_deg:g}.obj"
     mesh.export(path)
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -130,7 +133,8 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
 
 def _rows(folder: Path, name: str, material: str, quality: str, quick: bool) -> Iterator[Row]:
     """The rows of one class and quality: every bar, then the worst of each kind."""
-    title, found = f"{name}, {quality}", {}
+    title = f"{name}, {quality}"
+    found: dict[str, list[Pull]] = {}
     exact = _closed_form(bar_scene(folder, material, quality, 0.0))
     first = None
     for kind, what, one in pulls(folder, material, quality, quick):
