@@ -29,9 +29,10 @@ USED = {
 """The fields of Asset that determine the particles of each kind, together with the contents of asset.path."""
 
 
-def key(asset: Asset, spacing: float, seed: int) -> str:
+def key(asset: Asset, spacing: float, seed: int, lattice_deg: float = 0.0) -> str:
     """The sha256, in hex, of all inputs of the particles of an object."""
     inputs = {name: getattr(asset, name) for name in USED[asset.kind]} | {"spacing": float(spacing), "seed": seed}
+    inputs["lattice_deg"] = float(lattice_deg)
     digest = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode())
     files = sorted(Path(__file__).parent.rglob("*.py"))
     if asset.kind != "builtin":

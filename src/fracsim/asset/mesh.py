@@ -17,6 +17,7 @@ from scipy.ndimage import (
 from scipy.spatial import cKDTree
 
 from fracsim.asset import bodies, fill, gaussians, limits, paint, place, weld
+from fracsim.asset.frame import WORLD, LatticeFrame
 from fracsim.asset.mesh_file import read
 from fracsim.asset.nearest import Nearest
 from fracsim.asset.rays import Rays
@@ -43,9 +44,12 @@ SEAMS = "The mesh is not watertight as stored; welding vertices at equal positio
 EXACT, SAMPLED = ", so its inside is exact.", "; its bodies overlap, so its volume is that of samples."
 
 
-def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles `spacing` [m] apart of the mesh file asset.path; raises ValueError if it cannot be used."""
-    surface = _placed(_without_outliers(read(asset.path)), asset)
+def prepare(asset: Asset, spacing: float, seed: int, frame: LatticeFrame = WORLD) -> Particles:
+    """Particles `spacing` [m] apart, in `frame`, of the mesh file asset.path.
+
+    Raises ValueError if it cannot be used.
+    """
+    surface = _placed(_without_outliers(read(asset.path)), asset, frame)
     solid = MeshSolid(surface, spacing)
     limits.estimate(asset, spacing, *solid.mesh.rough, solid.bounds)
     filling = fill.fill(twin(solid, spacing, seed, lambda: MeshSolid(surface, spacing)), spacing)
@@ -55,7 +59,7 @@ def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
             "Give the sheet a thickness, or close its holes."
         )
     solid.notes += _bare(solid, filling.X, asset, spacing)
-    rgb = _painted(solid, filling, asset, spacing, seed)
+    rgb = _painted(solid, filling, asset, spacing, seed, frame)
     return gaussians.particles(filling, rgb, spacing, solid.notes)
 
 
@@ -97,22 +101,24 @@ def _bare(solid: "MeshSolid", X: Array, asset: Asset, spacing: float) -> tuple[s
     return (f"{share:.0%} of the surface has no particle within a spacing: there the object is too thin for it.",)
 
 
-def _placed(surface: Surface, asset: Asset) -> Surface:
-    """The surface in the world, without triangles of no area."""
+def _placed(surface: Surface, asset: Asset, frame: LatticeFrame) -> Surface:
+    """The surface in the frame, without triangles of no area."""
     R = place.rotation(asset.rotate_deg)
     turned = surface.corners @ R.T
     placement = place.fit(asset, turned.min(axis=(0, 1)), turned.max(axis=(0, 1)))
+    if frame.degrees:
+        placement = placement.turned(frame.R.T)
     corners = placement.to_world(surface.corners)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     real = np.linalg.norm(cross, axis=1) > 1e-12 * asset.size**2
-    return replace(surface, corners=corners, normals=surface.normals @ R.T).some(real)
+    return replace(surface, corners=corners, normals=surface.normals @ placement.R.T).some(real)
 
 
 class MeshSolid:
     """The `fracsim.asset.fill.Solid` that a surface bounds; it may be open, overlapping or inconsistently oriented."""
 
     def __init__(self, surface: Surface, spacing: float) -> None:
-        """`surface` in the world [m]."""
+        """`surface` in the frame of the grids to come [m]."""
         self.surface, self.spacing, self.notes = surface, spacing, surface.notes
         self.volume: float | None = None
         self.bounds = surface.corners.min(axis=(0, 1)), surface.corners.max(axis=(0, 1))
@@ -264,17 +270,19 @@ def _capped(d: Array, inside: Array, spacing: float) -> Array:
     return np.where(inside & (-d > cap + spacing), -cap, d)
 
 
-def _painted(solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: float, seed: int) -> Array:
+def _painted(
+    solid: MeshSolid, filling: fill.Filling, asset: Asset, spacing: float, seed: int, frame: LatticeFrame
+) -> Array:
     """Colours (N, 3): near the surface that of the lit surface, below it that of the inside."""
     P, top = filling.X, filling.surface
     S, _ = gaussians.lifted(filling, spacing)
     unlit = _footprint(solid, S[top], filling.normal[top], spacing)
-    rgb = paint.inside(asset.interior, unlit, (P - place.HOME) / asset.size, seed)
-    rgb[top] = paint.lit(unlit, filling.normal[top])
+    rgb = paint.inside(asset.interior, unlit, frame.vectors_to_world(P - place.HOME) / asset.size, seed)
+    rgb[top] = paint.lit(unlit, frame.vectors_to_world(filling.normal[top]))
     under = np.flatnonzero(~top & (filling.depth < paint.DEEP * spacing))
     S, face, bary = solid.nearest(P[under])
     normal = (S - P[under]) / np.maximum(np.linalg.norm(S - P[under], axis=1, keepdims=True), 1e-12)
-    above = paint.lit(paint.sample(solid.surface, face, bary), normal)
+    above = paint.lit(paint.sample(solid.surface, face, bary), frame.vectors_to_world(normal))
     rgb[under] = paint.blend(above, rgb[under], filling.depth[under] / spacing)
     return rgb
 

@@ -32,6 +32,10 @@ class Placement:
         world: Array = self.scale * (P @ self.R.T - self.middle) + HOME
         return world
 
+    def turned(self, T: Array) -> "Placement":
+        """The same placement in a world turned by T, (3, 3), about HOME."""
+        return Placement(T @ self.R, self.scale, T @ self.middle)
+
     def to_object(self, W: Array) -> Array:
         """Points of the object, (N, 3), of points W in the world [m], (N, 3)."""
         points: Array = ((W - HOME) / self.scale + self.middle) @ self.R

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from fracsim.asset import apart, enclose, fill, gaussians, harmonics, limits, paint, place, ply, splat_file
 from fracsim.asset.cloud import Gaussians
+from fracsim.asset.frame import WORLD, LatticeFrame
 from fracsim.records import Array, Particles
 from fracsim.scene.vocab import Asset
 
@@ -25,11 +26,14 @@ LEAST = 0.02
 """Least volume of a particle [cells], before all are scaled to the body's volume: many Gaussians may share a cell."""
 
 
-def prepare(asset: Asset, spacing: float, seed: int) -> Particles:
-    """Particles of the checkpoint asset.path, interior ones `spacing` [m] apart; raises ValueError if unusable."""
+def prepare(asset: Asset, spacing: float, seed: int, frame: LatticeFrame = WORLD) -> Particles:
+    """Particles, in `frame`, of the checkpoint asset.path; interior ones are `spacing` [m] apart.
+
+    Raises ValueError if it cannot be used.
+    """
     trained, notes = _opaque(splat_file.read(asset.path), asset)
     trained, left_out = _object(trained)
-    trained = _placed(trained, asset)
+    trained = _placed(trained, asset, frame)
     trained, long = _bounded(trained, spacing)
     lo, hi = trained.means.min(axis=0), trained.means.max(axis=0)
     limits.estimate(asset, spacing, 0.0, 0.0, (lo, hi))
@@ -83,13 +87,15 @@ def _object(trained: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
     return rest, (*notes, note, *again)
 
 
-def _placed(trained: Gaussians, asset: Asset) -> Gaussians:
-    """The Gaussians in the world."""
+def _placed(trained: Gaussians, asset: Asset, frame: LatticeFrame) -> Gaussians:
+    """The Gaussians in the frame; their coefficients are for directions of the world."""
     R = place.rotation(asset.rotate_deg)
     turned = trained.means @ R.T
     placement = place.fit(asset, turned.min(axis=0), turned.max(axis=0))
-    covariance = placement.scale**2 * (R @ trained.covariance @ R.T)
     sh = harmonics.turned(trained.sh, R) if any(asset.rotate_deg) else trained.sh
+    if frame.degrees:
+        placement = placement.turned(frame.R.T)
+    covariance = placement.scale**2 * (placement.R @ trained.covariance @ placement.R.T)
     return replace(trained, means=placement.to_world(trained.means), covariance=covariance, sh=sh)
 
 

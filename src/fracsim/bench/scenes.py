@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fracsim import backend
-from fracsim.asset.build import build
+from fracsim.asset.build import build_of
 from fracsim.records import Array
 from fracsim.render.film import Film
 from fracsim.scene.program import compose
@@ -59,7 +59,7 @@ class SceneRun:
 def run(scene: Scene) -> SceneRun:
     """Run and film a scene. After an error the last picture stands for the missing frames."""
     backend.start(scene.backend)
-    particles = build(scene.asset, scene.solver.spacing, scene.seed)
+    particles = build_of(scene)
     next(Simulator(scene, particles).frames())
     compile_kernels(scene, particles)
     simulator, film = Simulator(scene, particles), Film(scene)

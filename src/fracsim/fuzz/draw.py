@@ -198,6 +198,7 @@ def _wild(draft: Draft) -> None:
         draft.set("solver.safety", 1.0)
     if draft.get("solver.formulation") == "updated" and draft.rng.random() < 0.2:
         draft.set("solver.walls", True)
+        draft.set("solver.lattice", "world")
 
 
 FAMILIES: dict[str, Callable[[Draft], None]] = {

@@ -19,7 +19,7 @@ import numpy as np
 
 from fracsim import backend, registry
 from fracsim.asset import ply
-from fracsim.asset.build import build
+from fracsim.asset.build import build_of
 from fracsim.lab.machine import cpu
 from fracsim.records import Array
 from fracsim.render.film import Film
@@ -82,7 +82,7 @@ def digest(*arrays: Any) -> str:
 
 def record(scene: Scene) -> dict[str, str]:
     """Digests of one scene over all its frames, and of its report; the last error, if it ends by one."""
-    simulator, film = Simulator(scene, build(scene.asset, scene.solver.spacing, scene.seed)), Film(scene)
+    simulator, film = Simulator(scene, build_of(scene)), Film(scene)
     kept: dict[str, list[Array]] = {name: [] for name in ("x", "v", "F", "tau", "d", "pictures")}
     ended, tracked = "", np.zeros(0, int)
     try:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from fracsim import backend
-from fracsim.asset.build import build
+from fracsim.asset.build import build_of
 from fracsim.entry.interrupt import Interrupt, interrupted
 from fracsim.records import Frame, Particles
 from fracsim.render.film import Film
@@ -76,7 +76,7 @@ def _record(scene: Scene, prepared: Ready, film: Film, writer: Writer, watch: Wa
     """Prepare the object, record all frames and finish the sample; raises when no frame was written."""
     timer = Stopwatch()
     with timer("prepare"):
-        particles = build(scene.asset, scene.solver.spacing, scene.seed)
+        particles = build_of(scene)
     simulator = Simulator(scene, particles, watch.substeps, prepared)
     reason = _shoot(scene, simulator, film, writer, timer, watch)
     report, seconds = simulator.report.summary(), dict(timer.seconds)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fracsim import backend
-from fracsim.asset.build import build
+from fracsim.asset.build import build_of
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.film import Film
 from fracsim.scene.knob import check_names
@@ -26,7 +26,7 @@ class Run:
         check_names(scene)
         self.scene = scene
         self._prepared = ready(scene)
-        self._object = build(scene.asset, scene.solver.spacing, scene.seed)
+        self._object = build_of(scene)
         self._simulator = self._at_rest()
         self._started = False
         self._film = Film(scene)

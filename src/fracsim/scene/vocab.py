@@ -134,6 +134,9 @@ class Solver:
                             choices=("total", "updated"))  # fmt: skip
     cells: int = knob(150, "grid cells along the paper's 2 m domain; h = 2 / cells", least=8, most=2000)
     particles_per_axis: float = knob(2.0, "particles per cell and axis at rest", least=1.0, most=8.0)
+    lattice: str = knob("axis", "directions of the lattices of nodes and particles at rest: axis: along and across the "
+                        "tearing axis; world: x, y and z, as in the paper", choices=("axis", "world"),
+                        pinned="world")  # fmt: skip
     dt: float | int | str = knob("auto", "substep: auto (stability bound), or a fixed value in s", least=0, most=1.0,
                            open="least", choices=("auto",))  # fmt: skip
     dt_override: bool = knob(False, "allow a fixed dt beyond the stability bound at rest")
@@ -157,6 +160,8 @@ class Solver:
         self.dt, self.projection = (v if isinstance(v, str) else float(v) for v in (self.dt, self.projection))
         if self.walls and self.formulation == "total":
             raise ValueError("solver.walls=true needs present positions: set solver.formulation=updated.")
+        if self.walls and self.lattice == "axis":
+            raise ValueError("solver.walls=true are walls across x, y and z: set solver.lattice=world.")
         if self.pressure == "cell" and self.formulation == "updated":
             raise ValueError(
                 "solver.pressure=cell needs cells that keep their particles: set solver.formulation=total, or "
@@ -282,3 +287,8 @@ class Scene:
                 f"solver.max_speed={self.solver.max_speed:g} is not above loading.speed={self.loading.speed:g} m/s, "
                 "so the grips alone would stop the run. Raise solver.max_speed."
             )
+
+    @property
+    def lattice_deg(self) -> float:
+        """Angle of the lattices from the world's axes, counter-clockwise [deg], 0 to 90."""
+        return self.loading.axis_deg % 90 if self.solver.lattice == "axis" else 0.0

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from fracsim.asset.frame import WORLD, LatticeFrame
 from fracsim.mpm import params as slot
 from fracsim.mpm.medium import Medium
 from fracsim.mpm.state import State
@@ -33,14 +34,17 @@ def fault(medium: Medium, kind: int, when: str, x: Array, v: Array) -> str:
     )
 
 
-def of_state(state: State, frame: int, before: int) -> str:
-    """The message for the fault of a state, or ""; `before` substeps were made before its last run."""
+def of_state(state: State, frame: int, before: int, lattice: LatticeFrame = WORLD) -> str:
+    """The message for the fault of a state, or ""; `before` substeps were made before its last run.
+
+    `lattice` is the frame of the state.
+    """
     kind, p, step = state.fault()
     if kind == slot.NO_FAULT:
         return ""
     x = state.X0[p] + state.points.U.to_numpy()[p] + np.asarray(CENTRE)
     when = f"frame {frame}, substep {max(before + step, 0)}, particle {p}"
-    return fault(state.medium, kind, when, x, state.points.V.to_numpy()[p])
+    return fault(state.medium, kind, when, lattice.points_to_world(x), state.points.V.to_numpy()[p])
 
 
 def crushed(state: State, when: str, many: float) -> str:

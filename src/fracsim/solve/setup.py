@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fracsim.asset.frame import WORLD, LatticeFrame
 from fracsim.backend import has_doubles
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.grips import Grips
@@ -54,9 +55,12 @@ def grips(scene: Scene) -> Grips:
                  scene.fracture.at_grips)  # fmt: skip
 
 
-def in_memory_order(particles: Particles, h: float) -> Particles:
-    """Particles in the order in which they lie in memory: neighbours in space are neighbours there."""
-    by = order((particles.X - np.asarray(CENTRE)) / h)
+def in_memory_order(particles: Particles, h: float, frame: LatticeFrame = WORLD) -> Particles:
+    """Particles in the order in which they lie in memory: neighbours in space are neighbours there.
+
+    `frame` is that of the grid.
+    """
+    by = order((frame.points(particles.X) - np.asarray(CENTRE)) / h)
     names = ("X", "volume", "covariance", "opacity", "sh", "surface")
     return replace(particles, **{name: getattr(particles, name)[by] for name in names})
 

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from fracsim.asset.frame import LatticeFrame
 from fracsim.mpm import params as slot
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.energy import kinetic
@@ -36,6 +38,7 @@ Progress = Callable[[int, float, float], None]
 class Simulator:
     """Runs a scene: `for frame in Simulator(scene, particles).frames(): ...`.
 
+    Particles and frames are those of the world; the state is in the frame of the lattices (`fracsim.asset.frame`).
     Frames hold particles in the order of `self.particles`. `prepared` is what `ready(scene)` gave, if it was called
     before. Raises ValueError for a scene that cannot run, and SimulationError where something goes wrong.
     """
@@ -44,9 +47,14 @@ class Simulator:
         self, scene: Scene, particles: Particles, progress: Progress | None = None, prepared: Ready | None = None
     ) -> None:
         medium, warnings = prepared or ready(scene)
-        self.scene, self.particles = scene, in_memory_order(particles, medium.h)
+        self.lattice = LatticeFrame(scene.lattice_deg)
+        self.scene, self.particles = scene, in_memory_order(particles, medium.h, self.lattice)
+        turned = self.lattice.scene(scene)
+        medium = replace(medium, gravity=tuple(turned.loading.gravity))
         drive = Drive.choose(scene.backend, len(particles))
-        self.state = State(medium, self.particles, grips(scene), drive)
+        self.state = State(
+            medium, replace(self.particles, X=self.lattice.points(self.particles.X)), grips(turned), drive
+        )
         self.report = Report(scene, medium, self.particles, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
@@ -54,7 +62,7 @@ class Simulator:
         bonds = Bonds(self.particles.X, self.particles.spacing, medium.h)
         self.fragments = Fragments(self.state, bonds, scene.solver.particles_per_axis**3)
         self.follow_intact = FollowIntact(self.particles.X, medium.h)
-        self.settled = Settled(scene.loading, 1 / scene.capture.fps, self.state.side)
+        self.settled = Settled(turned.loading, 1 / scene.capture.fps, self.state.side)
         self._set_limits()
 
     def _set_limits(self) -> None:
@@ -91,7 +99,7 @@ class Simulator:
         report = self.report
         if self.march.dt > done.bound and not any("at the present stretch" in w for w in report.warnings):
             report.warnings.append(messages.fixed_dt(self.march.dt, done.bound, len(report.history.t)))
-        message = messages.of_state(self.state, k, report.substeps - done.n)
+        message = messages.of_state(self.state, k, report.substeps - done.n, self.lattice)
         if message:
             raise SimulationError(message)
         clamped = self.state.sums()[slot.CLAMPED] - report.clamped
@@ -107,21 +115,24 @@ class Simulator:
     def _frame(self, k: int) -> Frame:
         """Read the particles, with F of at most lambda_crit; failed ones follow intact ones (`total`)."""
         s, t, report = self.state, k / self.scene.capture.fps, self.report
-        x = (s.X0.astype(np.float64) + s.points.U.to_numpy() + np.asarray(CENTRE)).astype(np.float32)
+        world = self.lattice
+        x = world.points_to_world(s.X0.astype(np.float64) + s.points.U.to_numpy() + np.asarray(CENTRE))
+        x = x.astype(np.float32)
         self._hold(x, t)
         if s.total:
             self.fragments.update()
             report.crumbled = self.fragments.crumbled
-        v, F, d = (a.to_numpy() for a in (s.points.V, s.points.F, s.points.D))
+        v, F, d = world.vectors_to_world(s.points.V.to_numpy()), s.points.F.to_numpy(), s.points.D.to_numpy()
         if s.boundary.mode == "rigid":
             held = s.side != 0
-            v[held] = s.side[held, None] * s.boundary.speed * np.asarray(s.boundary.axis)
+            v[held] = s.side[held, None] * s.boundary.speed * np.asarray(self.scene.loading.axis)
         seen = s.observe()
         failed = d >= 1
-        verdict = "parted" if report.parted else self._verdict(x, F, failed)
+        verdict = "parted" if report.parted else self._verdict(x, world.tensors_to_world(F), failed)
         F, beyond = capped(F, report.medium.fracture.crit)
         tau = stress_at(s, F) if (beyond & ~failed).any() else seen.tau
         report.capped = max(report.capped, int((beyond & ~failed).sum()))
+        F, tau = world.tensors_to_world(F), world.tensors_to_world(tau)
         if s.total:
             self.follow_intact(x, v, F, failed, self.fragments.of)
         frame = Frame(k, t, x, *(a.astype(np.float32) for a in (v, F, tau, d)))
@@ -139,7 +150,7 @@ class Simulator:
         s = self.state
         if s.boundary.mode == "rigid":
             held = s.side != 0
-            shift = s.side[held, None] * s.boundary.speed * t * np.asarray(s.boundary.axis)
+            shift = s.side[held, None] * s.boundary.speed * t * np.asarray(self.scene.loading.axis)
             x[held] = (self.particles.X[held] + shift).astype(np.float32)
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
