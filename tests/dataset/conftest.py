@@ -21,9 +21,9 @@ SCENES = (
         "fracture.onset=9",
         "fracture.crit=10",
     ),
-    ("asset=bread",),
+    ("asset=bread", "loading.grips=soft"),
 )
-"""Breaks at frame 5; never breaks; never breaks, without colour; suspect, since such a coarse bread loses energy."""
+"""Breaks at frame 5; never breaks; never breaks, without colour; suspect, since soft grips are a pull without books."""
 STATUSES = ("complete", "never breaks", "never breaks", "suspect")
 
 

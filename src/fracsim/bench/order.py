@@ -11,7 +11,7 @@ from itertools import product
 from pathlib import Path
 
 from fracsim import backend
-from fracsim.asset.build import build
+from fracsim.asset.build import build_of
 from fracsim.bench.record import Row
 from fracsim.dataset.classes import OBJECTS
 from fracsim.scene.program import compose
@@ -40,7 +40,7 @@ def breaks(overrides: tuple[str, ...], onset: float, crit: float) -> float:
     s = compose("quality=preview", *overrides, f"fracture.onset={onset}", f"fracture.crit={crit}",
                 f"capture.frames={FRAMES}")  # fmt: skip
     backend.start(s.backend)
-    simulator = Simulator(s, build(s.asset, s.solver.spacing, s.seed))
+    simulator = Simulator(s, build_of(s))
     for _ in simulator.frames():
         if simulator.report.parted:
             break
