@@ -18,7 +18,7 @@ SCENES = (
         "capture.frames=8",
         "capture.maps=[damage]",
         "capture.rgb=false",
-        "fracture.onset=9",
+        "fracture.onset=2",
         "fracture.crit=10",
     ),
     ("asset=bread", "loading.grips=soft"),
