@@ -150,8 +150,8 @@ def test_a_base_of_8_bits_takes_half_the_memory_of_its_blocks():
     ("mid", "none", "32-true"),
 ])  # fmt: skip
 def test_the_planned_peak_is_that_of_a_real_training_step(name, mode, precision):
-    cfg = cases.config(cases.MODELS[name], mode, precision)
-    size = Size(64, 32, 9, 5)
+    cfg = cases.config(replace(cases.MODELS[name], layers=3), mode, precision)
+    size = Size(64, 32, 9, 5) if precision == "32-true" else Size(32, 32, 5, 5)  # bfloat16 is slow on a CPU
     # Planned are the transformer and a mean square; the losses by stream and the constitutive one keep a few latents.
     assert plan(cfg, size) == pytest.approx(measured(cfg, size), rel=0.05)
 
