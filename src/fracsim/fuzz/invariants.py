@@ -36,7 +36,7 @@ class Watch:
         self.violations: list[str] = []
         self._kinds: set[str] = set()
         self._last_d = np.zeros(len(self.mass))
-        self._start = momentum(simulator.state)
+        self._start = np.zeros(3)
         self._work: list[float] = []
         self._gross_work = self._largest_sum = 0.0
         simulator.progress = self.round
@@ -136,6 +136,8 @@ class Watch:
         failed, since it takes its momentum off the grid.
         """
         s, m, damped = self.sim.state, self.scene.material, self.scene.solver.damping != "none"
+        if frame.index == 0:  # what grips hold is in motion before the first substep, without an impulse
+            self._start = momentum(s)
         failed = s.total and frame.failed.any()
         if (damped and m.decay > 0) or self.scene.solver.walls or failed:
             return
