@@ -1,6 +1,6 @@
 """Taichi starts once a process, for the tests that ask for it: on the CPU with two threads; scenes choose fewer.
 
-With `-n` processes run folders side by side. Those that compile many kernels stay together, since they share them.
+With `-n` processes run folders side by side; a folder stays together, since its tests share what they have made.
 """
 
 import os
@@ -14,16 +14,12 @@ from hypothesis import settings
 settings.register_profile("any machine", deadline=None)  # no test is about time
 settings.load_profile("any machine")
 
-SOLVER = ("sim", "lab", "render", "maps")
-"""Folders of tests that compile kernels of the solver."""
-
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give the tests of a folder to one process."""
     here = Path(__file__).parent
     for item in items:
-        folder = item.path.relative_to(here).parts[0]
-        item.add_marker(pytest.mark.xdist_group("solver" if folder in SOLVER else folder))
+        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(here).parts[0]))
 
 
 @pytest.fixture(scope="session")
