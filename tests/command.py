@@ -27,7 +27,7 @@ def start(*arguments: str, **options: Any) -> "subprocess.Popen[str]":
 def fracsim_command(*arguments: str, **options: Any) -> "subprocess.CompletedProcess[str]":
     """`python -m fracsim ARGUMENTS`, run to its end; signs of life are left out of its stderr."""
     process = start(*arguments, **options)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=400)
     return subprocess.CompletedProcess(arguments, process.returncode, out, complaints(err))
 
 

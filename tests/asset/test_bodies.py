@@ -148,7 +148,7 @@ def test_a_shell_too_thin_for_the_particles_is_refused_with_the_way_out(tmp_path
 
 def test_finer_cells_are_proposed_where_they_can_help(tmp_path):
     with pytest.raises(ValueError, match=r"solver\.cells to \d times as many"):
-        prepared(dish(0.01), tmp_path / "dish.stl", 0.03)
+        prepared(dish(0.01), tmp_path / "dish.stl", 0.035)
 
 
 def test_a_shell_of_one_layer_of_particles_is_none_too_thin(tmp_path):

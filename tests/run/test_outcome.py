@@ -147,7 +147,7 @@ def test_a_disk_that_fills_up_is_an_outcome_that_keeps_the_frames(
 
 
 def test_a_programming_error_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "build", None)
+    monkeypatch.setattr(pipeline, "build_of", None)
     with pytest.raises(TypeError):
         pipeline.run(Scene(output=compose(f"output.folder={tmp_path}").output))
     assert not list(tmp_path.iterdir())

@@ -99,10 +99,11 @@ def lattice(lo: Array, hi: Array, spacing: float) -> list[Array]:
     """Coordinates (nx,), (ny,), (nz,) [m] of a lattice centred on the box [lo, hi], (3,) each, three points wider.
 
     An axis has two centred lattices, with an even and an odd number of points. The one chosen has its outermost inner
-    points one spacing below the surface particles of the box's faces, as nearly as possible. Ties do not hang on digits
-    that files leave out.
+    points one spacing below the surface particles of the box's faces, as nearly as possible. Of ties the larger
+    number is taken, whatever the digits beyond a thousandth of a spacing.
     """
-    count = np.maximum(np.round(np.round((hi - lo) / spacing - 2 * (1 + SKIN) + 1, 3)), 1) + 6
+    spare = np.round((hi - lo) / spacing - 2 * (1 + SKIN) + 1, 3)
+    count = np.maximum(np.floor(spare + 0.5), 1) + 6
     return [c + spacing * (np.arange(n) - (n - 1) / 2) for c, n in zip((lo + hi) / 2, count, strict=True)]
 
 

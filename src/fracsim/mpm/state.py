@@ -195,9 +195,10 @@ class State:
         set the nodes around a grip's face in motion by an inelastic impact, whose loss of energy is proportional to h.
         """
         if self.total and self.boundary.mode in ("rigid", "sliding"):
-            U = self.points.U.to_numpy()
+            rest = [(array, array.to_numpy()) for array in (self.points.U, self.points.grad_u)]
             self.run(1, INSTANT, 0.0)
-            self.points.U.from_numpy(U)  # frame 0 is at rest, exactly
+            for array, values in rest:  # frame 0 is at rest, exactly
+                array.from_numpy(values)
             self._sums.from_numpy(np.zeros(self._sums.shape))
 
     def _set_substep(self, dt: float, t: float, turn: float) -> None:
