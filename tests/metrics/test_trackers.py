@@ -114,7 +114,7 @@ def test_no_points_are_no_tracks(module: Any) -> None:
 @FLOWS
 def test_without_opencv_the_way_out_is_named(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(ValueError, match=r"needs OpenCV: pip install 'fracsim\[metrics\]'"):
+    with pytest.raises(MissingWeightsError, match=r"needs OpenCV: pip install 'fracsim\[metrics\]'"):
         module.build(module.Settings())
 
 

@@ -11,7 +11,7 @@ PART = 2**20
 
 
 class MissingWeightsError(ValueError):
-    """The weights of a metric lie nowhere; the text names the file, its size, and where users get it."""
+    """Weights or a package that a metric needs are not there; the text says which, and where users get them."""
 
 
 @dataclass(frozen=True)

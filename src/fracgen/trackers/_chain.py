@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fracgen.evaluation.clip import Clip
+from fracgen.evaluation.weights import MissingWeightsError
 from fracsim.records import Array
 
 Step = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -14,12 +15,14 @@ Step = Callable[[Array, Array, Array], tuple[Array, Array]]
 
 
 def opencv(tracker: str) -> Any:
-    """The module cv2; raises ValueError when it is not installed."""
+    """The module cv2; raises MissingWeightsError when it is not installed."""
     try:
         import cv2
     except ImportError as error:
-        raise ValueError(f"the tracker {tracker} needs OpenCV: pip install 'fracsim[metrics]', or choose simulator or "
-                         "tracks_file.") from error  # fmt: skip
+        text = (
+            f"the tracker {tracker} needs OpenCV: pip install 'fracsim[metrics]', or choose simulator or tracks_file."
+        )
+        raise MissingWeightsError(text) from error
     return cv2
 
 
