@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fracgen.config.evaluate import EvaluateConfig, Scores
+from fracgen.evaluation import job
 from fracsim import Camera, Capture, Output, Scene
 from fracsim.records import Array
 from fracsim.sample import Header, Writer, header_of, map_infos
@@ -84,3 +85,8 @@ def config(folder: Path, **changes: Any) -> EvaluateConfig:
         "pred": str(folder / "pred"), "gt": str(folder / "gt"), "outside": [METRIC], "controls": [], "plots": False,
         "resamples": 20, "output": Scores(folder=str(folder / "out")), **changes,
     })  # fmt: skip
+
+
+def results(done: job.Done, metric: str = "brightness") -> dict[str, float]:
+    """The values of a metric by name."""
+    return {name: one["value"] for name, one in done.document["metrics"][metric]["results"].items()}

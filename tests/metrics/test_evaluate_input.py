@@ -207,7 +207,7 @@ def test_nothing_to_score_is_an_error(line: Callable[..., int], capsys: pytest.C
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["metric=[heat]"], "metric=heat is not known: choose one of "),
+        (["metric=[heat]"], "metric=heat is not known: choose one of dpa, fvd, "),
         (["metric=[psnr]", "metric.sac.tracker=lk"], r"sac is not chosen; choose it by metric=\[psnr,sac\]"),
         (["metric=[sac]", "metric.sac.trakcer=lk"], r"metric.sac has the fields tracker, .*did you mean tracker\?"),
         (["metric.sacc.k=3"], r"metric has no sacc, only .*did you mean sac\?"),

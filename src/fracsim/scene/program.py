@@ -173,6 +173,11 @@ class Program(Generic[T]):
 
     def explain(self, error: Exception, overrides: Sequence[str]) -> str:
         """What an error of Hydra or OmegaConf about `overrides` means: the field, the value and the way out."""
+        from hydra.errors import MissingConfigException
+
+        if isinstance(error, MissingConfigException) and error.missing_cfg_file and not error.options:
+            group = error.missing_cfg_file.rpartition("/")[0]  # Hydra names no options where several count
+            error.options = list(self._choices(group))
         return explain.explain(error, overrides, self.config, self.noun, f"See python -m {self.name} --help.")
 
     def _choices(self, group: str) -> tuple[str, ...]:
