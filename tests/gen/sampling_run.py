@@ -12,7 +12,6 @@ import torch
 from PIL import Image
 
 from fracgen import conditioning, encoders, model, vae
-from fracgen.conditioning import Condition
 from fracgen.config.conditioning import Conditioning
 from fracgen.config.model import Encoders, Lora, Model, Vae
 from fracgen.config.sample import Generated, SampleConfig, Sampler
@@ -21,6 +20,7 @@ from fracgen.model import adapter, trained
 from fracgen.sampling import job
 from fracsim import Camera, Capture, Scene
 from fracsim.sample import Sample, Writer, header_of, read
+from fracsim.scene.condition import Condition
 from fracsim.scene.vocab import Asset, Loading, Output
 
 WIDTH, HEIGHT, FRAMES, TEXT = 48, 32, 5, 12

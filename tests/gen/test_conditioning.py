@@ -14,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fracgen import conditioning
-from fracgen.conditioning import Condition
 from fracsim.camera import project, view_of
+from fracsim.scene import condition as condition_file
+from fracsim.scene.condition import Condition
 from fracsim.scene.vocab import Asset, Camera, Capture, Fracture, Loading, Material, Scene
 
 LOW = {"E": 1e3, "nu": 0.1, "onset": 1.0, "crit": 1.0 + 1e-9, "category": "high_stretch"}
@@ -194,8 +195,8 @@ def test_the_kind_of_fracture_is_that_of_the_object_or_of_its_law(kind: str, law
 @given(condition=conditions())
 def test_a_condition_file_keeps_every_field(condition: Condition, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("condition") / "condition.json"
-    conditioning.save(condition, path)
-    assert conditioning.load(path) == condition
+    condition_file.save(condition, path)
+    assert condition_file.load(path) == condition
 
 
 def test_frame_rate_and_caption_may_be_left_out_and_whole_numbers_are_numbers(tmp_path: Path) -> None:
@@ -203,7 +204,7 @@ def test_frame_rate_and_caption_may_be_left_out_and_whole_numbers_are_numbers(tm
     del content["fps"], content["caption"]
     path = tmp_path / "c.json"
     path.write_text(json.dumps(content))
-    assert conditioning.load(path) == Condition(grips=[0, 1, 1, 0])
+    assert condition_file.load(path) == Condition(grips=[0, 1, 1, 0])
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
@@ -233,7 +234,7 @@ def test_a_bad_condition_file_is_named_with_its_field(name: str, tmp_path: Path)
     path = tmp_path / "pull.json"
     path.write_text(json.dumps(content))
     with pytest.raises(ValueError, match=rf"condition=.*pull\.json.*{message}"):
-        conditioning.load(path)
+        condition_file.load(path)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2]", "3", "null", '"E"', "[" * 100_000, "\ud800"])
@@ -241,9 +242,9 @@ def test_a_file_that_holds_no_condition_is_named(text: str, tmp_path: Path) -> N
     path = tmp_path / "pull.json"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     with pytest.raises(ValueError, match=r"condition=.*pull\.json"):
-        conditioning.load(path)
+        condition_file.load(path)
     with pytest.raises(ValueError, match=r"condition=.*nowhere\.json cannot be read"):
-        conditioning.load(tmp_path / "nowhere.json")
+        condition_file.load(tmp_path / "nowhere.json")
 
 
 @pytest.mark.parametrize("streams", [1, 3, 5])

@@ -10,11 +10,12 @@ import torch
 from torch import Tensor
 
 from fracgen import flow
-from fracgen.conditioning import Condition, scalars
+from fracgen.conditioning import scalars
 from fracgen.config.train import Loss
 from fracgen.layout import DAMAGE, STRAIN, STREAMS, STRESS, join
 from fracgen.losses import constitutive, flow_matching
 from fracgen.losses.constitutive import Constitutive, lame, noise_weight
+from fracsim.scene.condition import Condition
 
 
 def latents(*, seed: int = 0, clips: int = 2) -> dict[str, Tensor]:

@@ -48,8 +48,8 @@ class SampleConfig:
     run: str = knob("", "folder of a training, as runs/stage3-0123456789ab")
     base: str = knob("", "folder of the base weights, if they lie elsewhere than in the training")
     image: str = knob("", "picture of an object, any file that Pillow reads")
-    condition: str = knob("", "JSON file of the pull, with the fields of fracgen.conditioning.Condition; its positions "
-                          "belong to the picture as it is shown")  # fmt: skip
+    condition: str = knob("", "JSON file of the pull, with the fields of fracsim.scene.condition.Condition; its "
+                          "positions belong to the picture as it is shown")  # fmt: skip
     fit: str = knob("fit", "a picture of another shape: fit it on a white canvas, or crop it",
                     choices=("fit", "crop"))  # fmt: skip
     data: str = knob("", "instead of image and condition: folder of a data set, whose clips give both")

@@ -12,7 +12,6 @@ import numpy as np
 
 import fracsim.dataset
 from fracgen import conditioning
-from fracgen.conditioning import Condition
 from fracgen.config.encode import EncodeConfig
 from fracgen.config.sample import ALL, SampleConfig
 from fracgen.data import pictures
@@ -25,6 +24,7 @@ from fracsim.dataset.progress import shown
 from fracsim.dataset.table import FIELDS
 from fracsim.records import Array
 from fracsim.sample.identity import field_of
+from fracsim.scene.condition import Condition, load
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
     """The request of a picture and a condition file; frames are those of the run, whatever rate the condition has."""
     frames, height, width = run.size
     seen = picture.load(cfg.image, width, height, cfg.fit)
-    given = conditioning.load(cfg.condition)
+    given = load(cfg.condition)
     moved = _moved(replace(given, fps=run.cache["fps"]), seen)
     axis = _axis(moved, width, height)
     name = _object(cfg.image)

@@ -12,7 +12,6 @@ import numpy as np
 from PIL import Image
 
 from fracgen import data, encoders, vae
-from fracgen.conditioning import Condition
 from fracgen.config.model import Encoders, Vae
 from fracgen.config.train import TrainConfig
 from fracgen.data import Batch, synthetic
@@ -23,6 +22,7 @@ from fracgen.training import stages
 from fracgen.training.runs import Run
 from fracsim.records import Array
 from fracsim.sample import read
+from fracsim.scene.condition import Condition
 
 TEXT, SIZE, FRAMES = 16, 32, 5
 TRAINING = (
