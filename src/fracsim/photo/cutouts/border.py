@@ -46,7 +46,7 @@ def distance(photo: Photo) -> Array:
     """
     values = _opponent(small(photo).astype(np.float64))
     border = values[ring(*values.shape[:2])]
-    means, of = kmeans2(border, min(GROUNDS, len(border)), minit="++", rng=0)
+    means, of = kmeans2(border, min(GROUNDS, len(np.unique(border, axis=0))), minit="++", rng=0)
     spread = np.sqrt(np.mean((border - means[of]) ** 2)) + 2.0
     away = np.full(values.shape[:2], np.inf)
     for k in np.unique(of):
@@ -62,7 +62,12 @@ def _opponent(rgb: Array) -> Array:
 
 
 def threshold(values: Array) -> float:
-    """The value that parts `values`, of any shape, into the two classes of least variance (Otsu 1979)."""
+    """The value that parts `values`, of any shape, into the two classes of least variance (Otsu 1979).
+
+    Where several do, as in a gap, it is the middle one; where all values are equal, none is above it.
+    """
+    if np.ptp(values) == 0:
+        return float(values.max())
     top = np.quantile(values, 0.995)
     counts, edges = np.histogram(np.minimum(values, top), GREYS)
     centres = (edges[1:] + edges[:-1]) / 2
@@ -71,4 +76,5 @@ def threshold(values: Array) -> float:
     sums = np.cumsum(counts * centres)
     with np.errstate(divide="ignore", invalid="ignore"):
         between = below * above * (sums / below - (sums[-1] - sums) / above) ** 2
-    return float(edges[1:][np.nanargmax(between)])
+    best = between >= np.nanmax(between) * (1 - 1e-9)
+    return float(edges[1:][best].mean())
