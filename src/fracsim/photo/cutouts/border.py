@@ -13,13 +13,17 @@ BAND = 0.03
 """Width of the border, in longest edges."""
 GROUNDS = 5
 """Colours of the ground, as of a table and a wall in light and shade."""
+RARE = 0.12
+"""Share of the border below which a colour may be that of an object which touches it."""
+NOISE = 1.5
+"""A pixel is no ground if it is as many times farther from the ground's colours than nearly all of the border."""
 GREYS = 256
 
 
 def cut(photo: Photo) -> Array:
-    """Where the distance from the colours of the border is above Otsu's threshold, (H, W) bool."""
+    """Where the distance from the colours of the border is more than theirs, (H, W) bool."""
     away = distance(photo)
-    mask = Image.fromarray((away > threshold(away)).astype(np.float32)).resize(photo.size, Image.Resampling.BILINEAR)
+    mask = Image.fromarray((away > level(away)).astype(np.float32)).resize(photo.size, Image.Resampling.BILINEAR)
     out: Array = np.asarray(mask) > 0.5
     return out
 
@@ -49,10 +53,19 @@ def distance(photo: Photo) -> Array:
     means, of = kmeans2(border, min(GROUNDS, len(np.unique(border, axis=0))), minit="++", rng=0)
     spread = np.sqrt(np.mean((border - means[of]) ** 2)) + 2.0
     away = np.full(values.shape[:2], np.inf)
-    for k in np.unique(of):
+    for k in np.flatnonzero(np.bincount(of) >= RARE * len(of)):
         away = np.minimum(away, np.linalg.norm(values - means[k], axis=2))
     out: Array = away / spread
     return out
+
+
+def level(away: Array) -> float:
+    """The distance, of those in `away` (h, w), from which on a pixel is no ground.
+
+    It is that of nearly all of the border and a little more, but at most Otsu's threshold: of a busy ground.
+    """
+    noise = float(np.quantile(away[ring(*away.shape)], 0.9))
+    return min(threshold(away), max(NOISE * noise, 3.0))
 
 
 def _opponent(rgb: Array) -> Array:
