@@ -79,6 +79,15 @@ def test_what_cannot_be_used_is_named(path: str, more: dict[str, Any], message: 
         build(asset(photo.with_name(path), **more), SPACING, 0)
 
 
+def test_a_line_is_no_body(tmp_path: Path) -> None:
+    line = np.zeros((drawn.HEIGHT, drawn.WIDTH), bool)
+    line[88:91, 20:220] = True
+    with pytest.raises(
+        ValueError, match="line.png: the object in the photo cannot be inflated, since it is nowhere wider"
+    ):
+        build(asset(drawn.save(tmp_path / "line.png", line)), SPACING, 0)
+
+
 def rest(photo: Path, *more: str) -> tuple[Scene, Array, Array]:
     """A scene, and colour and coverage of its frame 0."""
     scene = compose("asset=image", f"asset.path={photo}", "quality=preview", "capture.frames=1",

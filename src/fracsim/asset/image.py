@@ -86,11 +86,15 @@ class Body:
 
 
 def _body(seen: Outline, asset: Asset) -> Body:
-    """The body of an outline."""
+    """The body of an outline; raises ValueError for one that is a line."""
     lo, hi = (corner.astype(int) for corner in seen.box)
     flat = asset.back == "flat"
     cut = seen.mask[lo[1] : hi[1], lo[0] : hi[0]]
-    return Body(inflate(cut, asset.depth, flat_back=flat, flat_base=asset.base == "flat"), flat)
+    try:
+        return Body(inflate(cut, asset.depth, flat_back=flat, flat_base=asset.base == "flat"), flat)
+    except ValueError as error:
+        raise ValueError(f"asset.path={asset.path}: the object in the photo cannot be inflated, since {error}: give a "
+                         "photo, or a mask by asset.mask=FILE, of a thicker object.") from None  # fmt: skip
 
 
 def _reach(placement: place.Placement, asset: Asset) -> tuple[Array, Array]:

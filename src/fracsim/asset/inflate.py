@@ -69,7 +69,7 @@ def inflate(mask: Array, depth: float, *, flat_back: bool = False, flat_base: bo
 
     The body's thickness, 2 h, or h with a flat back, is at most `depth` times the smaller side of the box. With a flat
     base the body does not close below, where the outline is within FOOT of its lowest point: it is that of the outline
-    and its mirror image below, cut by the outline.
+    and its mirror image below, cut by the outline. Raises ValueError for an outline that is a line.
     """
     scale = ACROSS / max(mask.shape)
     distance = _signed(_with_foot(mask) if flat_base else mask, scale)
@@ -77,6 +77,8 @@ def inflate(mask: Array, depth: float, *, flat_back: bool = False, flat_base: bo
     u = np.zeros(distance.shape)
     u[inside] = _membrane(distance)
     deep = distance > RIM
+    if not deep.any():
+        raise ValueError(f"it is nowhere wider than {2 * RIM / ACROSS:.0%} of its length, too thin to be a body")
     ratio = np.where(deep, u / np.where(deep, distance, 1), 0)
     nearest = distance_transform_edt(~deep, return_distances=False, return_indices=True)
     u = np.where(deep, u, distance * gaussian_filter(ratio[tuple(nearest)], 1.0))
