@@ -83,7 +83,7 @@ def test_a_line_is_no_body(tmp_path: Path) -> None:
     line = np.zeros((drawn.HEIGHT, drawn.WIDTH), bool)
     line[88:91, 20:220] = True
     with pytest.raises(
-        ValueError, match="line.png: the object in the photo cannot be inflated, since it is nowhere wider"
+        ValueError, match=r"line\.png: the object in the photo cannot be inflated, since it is nowhere wider"
     ):
         build(asset(drawn.save(tmp_path / "line.png", line)), SPACING, 0)
 
