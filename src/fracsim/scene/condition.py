@@ -100,6 +100,11 @@ def _check_types(content: Mapping[str, Any], source: str) -> None:
             raise ValueError(f"{source}: {rule.refusal(name, value, default)}")
 
 
+def text(condition: Condition) -> str:
+    """The content of a condition file."""
+    return json.dumps(asdict(condition), indent=2) + "\n"
+
+
 def save(condition: Condition, path: Path | str) -> None:
     """Write a condition file."""
-    Path(path).write_text(json.dumps(asdict(condition), indent=2) + "\n", encoding="utf-8")
+    Path(path).write_text(text(condition), encoding="utf-8")
