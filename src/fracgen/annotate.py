@@ -30,7 +30,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--no-browser", action="store_true", help="open no browser, only print the address")
     parser.add_argument("--run", default="", metavar="FOLDER", help="checkpoint of the generator, as runs/stage3-ID")
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="FIELD=VALUE",
-                        help="passed on to python -m fracgen.sample; repeatable, as --set vae.path=WEIGHTS")  # fmt: skip
+                        help="passed on to fracgen.sample; repeatable, as --set vae.path=WEIGHTS")  # fmt: skip
     options = parser.parse_args(argv)
     if not 0 <= options.port <= 65535:
         parser.error(f"--port {options.port} must be 0 to 65535.")

@@ -42,7 +42,7 @@ CONTRAST = """() => {
   return found;
 }"""
 """Contrast of each text that is shown with what is behind it, as WCAG 2.2 defines it."""
-NAMES = """() => [...document.querySelectorAll("button, input, select, a, video, canvas, fieldset, nav, section, aside")]
+NAMES = """() => [...document.querySelectorAll("button, input, select, a, video, canvas, nav, section, aside")]
   .filter((e) => !(e.getAttribute("aria-label") || e.labels?.length || e.textContent.trim()))
   .map((e) => e.outerHTML.slice(0, 80))"""
 """Elements that a reader of screens could not name."""

@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 from PIL import Image, ImageSequence
 
 from fracgen import conditioning
-from fracgen.annotation import album, preview, presets, schema
+from fracgen.annotation import album, presets, preview, schema
 from fracgen.annotation.preview import Size
 from fracsim.scene import condition as condition_file
 from fracsim.scene.condition import Condition

@@ -14,8 +14,8 @@ def client_fixture() -> Iterator[TestClient]:
         yield client
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:8000", "127.0.0.1.evil.example", "127.0.0.2:8000",
-                                  "localhost.evil.example", "", "127.0.0.1:8000@evil.example", "[::1]:8000"])  # fmt: skip
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8000", "127.0.0.1.evil.example", "127.0.0.2:80",
+                                  "localhost.evil.example", "", "127.0.0.1:80@evil.example", "[::1]:80"])  # fmt: skip
 def test_a_name_of_the_internet_that_leads_here_is_refused(client: TestClient, host: str) -> None:
     """DNS rebinding: the browser thinks it is still at the other site."""
     for path in ("/", "/setup", "/static/main.js"):

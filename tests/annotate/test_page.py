@@ -174,19 +174,27 @@ def test_all_can_be_done_by_keyboard(tab: Watched, place: Path) -> None:
     """From the picture on: Tab reaches every control; arrows nudge, space paints; the focus is seen."""
     tab.open(place / "loaf.png")
     page = tab.page
+    active = "document.activeElement"
     reached = []
     page.focus("#choose")
     for _ in range(45):
         page.keyboard.press("Tab")
-        reached.append(page.evaluate("() => document.activeElement.id || document.activeElement.name || "
-                                     "document.activeElement.parentElement.id + '.' + document.activeElement.className"))
-        style = page.evaluate("() => getComputedStyle(document.activeElement.matches('.choice input') ? "
-                              "document.activeElement.nextElementSibling : document.activeElement).outlineStyle")
+        reached.append(
+            page.evaluate(
+                "() => document.activeElement.id || document.activeElement.name || "
+                "document.activeElement.parentElement.id + '.' + document.activeElement.className"
+            )
+        )
+        style = page.evaluate(
+            "() => getComputedStyle(document.activeElement.matches('.choice input') ? "
+            "document.activeElement.nextElementSibling : document.activeElement).outlineStyle"
+        )
         assert style == "solid" or reached[-1] == ".", reached[-1]
         if reached[-1].startswith("generate"):
             break
-    for name in ("import", "export", "grip1", "grip2", "fit", "tool", "radius", "again", *FIELDS, "degrees", "mirrored",
-                 "speed", "preset", "category", "E-slider", "E", "nu", "onset", "crit", "simulate.main start"):  # fmt: skip
+    for name in ("import", "export", "grip1", "grip2", "fit", "tool", "radius", "again", "keep", *FIELDS, "degrees",
+                 "mirrored", "speed", "caption", "preset", "category", "E-slider", "E", "nu", "onset", "crit",
+                 "simulate.main start"):  # fmt: skip
         assert name in reached, name
     x2 = tab.value("x2")
     page.focus("#grip2")
@@ -206,7 +214,9 @@ def test_all_can_be_done_by_keyboard(tab: Watched, place: Path) -> None:
     page.keyboard.press("Tab")
 
 
-def test_the_cut_out_is_corrected_with_a_brush_and_the_centre_follows(tab: Watched, place: Path, tmp_path: Path) -> None:
+def test_the_cut_out_is_corrected_with_a_brush_and_the_centre_follows(
+    tab: Watched, place: Path, tmp_path: Path
+) -> None:
     tab.open(place / "loaf.png")
     page = tab.page
     y = tab.value("y1")
@@ -240,7 +250,9 @@ def test_the_models_picture_is_seen_and_the_preview_follows(tab: Watched, place:
     assert frame["width"] == pytest.approx(paper["width"], abs=2)
     assert frame["width"] / frame["height"] == pytest.approx(832 / 480, rel=0.01)
     tab.until("before => document.getElementById('force').getAttribute('src') !== before", before)
-    tab.until("() => document.getElementById('force').complete && document.getElementById('force').naturalWidth === 416")
+    tab.until(
+        "() => document.getElementById('force').complete && document.getElementById('force').naturalWidth === 416"
+    )
     page.screenshot(path=tmp_path / "crop.png")
 
 

@@ -72,8 +72,10 @@ def test_a_body_beyond_the_cap_is_refused_while_it_comes(tab: Tab, monkeypatch: 
     assert "make it smaller" in answer.json()["error"]
 
 
-@pytest.mark.parametrize("content", [b"", b"no picture", b"GIF89a", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n",
-                                     b"\x89PNG\r\n\x1a\n" + b"\0" * 50, b"<svg xmlns='x'/>", header(64, 64)])  # fmt: skip
+@pytest.mark.parametrize("content", [
+    b"", b"no picture", b"GIF89a", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n",
+    b"\x89PNG\r\n\x1a\n" + b"\0" * 50, b"<svg xmlns='x'/>", header(64, 64),
+])  # fmt: skip
 def test_broken_and_foreign_files_are_refused_and_the_page_goes_on(tab: Tab, loaf: Path, content: bytes) -> None:
     tab.upload(loaf)
     answer = tab.request("PUT", "picture", content=content)

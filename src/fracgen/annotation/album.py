@@ -56,13 +56,15 @@ def opened(given: str) -> Album:
         return Album((path,))
     if not path.is_dir():
         raise ValueError(f"{given} is neither an image nor a folder: give the path of one, or nothing.")
-    images = tuple(sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.name[0] != "." and p.is_file()))
+    images = tuple(
+        sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.name[0] != "." and p.is_file())
+    )
     if not images:
         raise ValueError(f"{given} holds no image: put files into it that end with {', '.join(SUFFIXES)}.")
     names: dict[str, Path] = {}
     for image in images:
         other = names.setdefault(image.stem, image)
         if other is not image:
-            raise ValueError(f"{given}: {other.name} and {image.name} would share the condition file {image.stem}.json: "
-                             "rename one of them.")  # fmt: skip
+            raise ValueError(f"{given}: {other.name} and {image.name} would share the condition file "
+                             f"{image.stem}.json: rename one of them.")  # fmt: skip
     return Album(images)

@@ -267,7 +267,9 @@ def _job(session: Session, kind: str, command: Command, asked: tuple[Condition, 
         folder = Path(tempfile.mkdtemp(prefix=f"{kind}-", dir=session.folder))
         shutil.copy(there.mask, folder / "mask.png")
         condition_file.save(value, folder / "condition.json")
-    task = commands.Task(there.path, folder / "mask.png", folder / "condition.json", value.category, fit, folder / "out")
+    task = commands.Task(
+        there.path, folder / "mask.png", folder / "condition.json", value.category, fit, folder / "out"
+    )
     return Job(session.token, kind, there.number, command(task), task.output)
 
 

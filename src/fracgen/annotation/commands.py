@@ -38,6 +38,7 @@ class Generate:
     overrides: Sequence[str] = ()
 
     def __call__(self, task: Task) -> list[str]:
+        """The command of a task."""
         return [
             sys.executable, "-m", "fracgen.sample", f"run={self.run}", f"image={task.picture}",
             f"condition={task.condition}", f"fit={task.fit}", *self.overrides, f"output.folder={task.output}",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fracsim.entry.signs import VARIABLE
+from fracsim.entry import SIGNS
 
 PROGRESS = re.compile(r"\b(?:frame|call) (\d+) of (\d+)")
 """Signs of life of fracsim and fracgen.sample."""
@@ -156,7 +156,7 @@ def _start(job: Job) -> "subprocess.Popen[str]":
     return subprocess.Popen(
         list(job.command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, errors="replace", start_new_session=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200", VARIABLE: "0.5"},
+        env={**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200", SIGNS: "0.5"},
     )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def force(condition: Condition, photo: tuple[int, int], size: Size, fit: str) ->
     paths = picture.moved(condition, corner, extent).paths(size.frames, *shown)
     chosen = np.round(np.linspace(0, size.frames - 1, min(SHOWN, size.frames))).astype(int)
     video = conditioning.blobs(paths[chosen], *shown)
-    return np.rint(255 * video[..., 0]).astype(np.uint8)
+    return np.asarray(np.rint(255 * video[..., 0]), np.uint8)
 
 
 def force_size(size: Size) -> tuple[int, int]:

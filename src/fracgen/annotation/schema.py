@@ -1,4 +1,7 @@
-"""The JSON schema of a condition file, as `Condition` gives it; `python -m fracgen.annotation.schema FILE` writes it."""
+"""The JSON schema of a condition file, as `Condition` gives it.
+
+`python -m fracgen.annotation.schema docs/condition.schema.json` writes it.
+"""
 
 import json
 import sys

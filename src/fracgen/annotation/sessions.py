@@ -175,7 +175,7 @@ def _painted(path: Path, there: Opened) -> Image.Image:
         if image.size != there.shown:
             raise ValueError(f"The cut-out has {image.size} pixels instead of {there.shown}.")
         try:
-            grey = image.convert("L")
+            grey: Image.Image = image.convert("L")
         except (OSError, SyntaxError) as error:  # what Pillow raises for broken pixels
             raise ValueError(f"The cut-out cannot be read ({error}): paint it again.") from None
     return grey.resize(there.size, Image.Resampling.BILINEAR)

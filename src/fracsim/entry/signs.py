@@ -2,7 +2,7 @@
 
 import os
 
-VARIABLE = "FRACSIM_SIGNS"
+SIGNS = "FRACSIM_SIGNS"
 """Environment variable: seconds between two lines."""
 DEFAULT = 10.0
 """Seconds between two lines, where the environment says nothing that is a number."""
@@ -11,6 +11,6 @@ DEFAULT = 10.0
 def signs_every() -> float:
     """Seconds between two lines that say how far a program is; a page that shows them wants them more often."""
     try:
-        return float(os.environ.get(VARIABLE, ""))
+        return float(os.environ.get(SIGNS, ""))
     except ValueError:
         return DEFAULT

@@ -18,6 +18,7 @@ export function connect() {
   byId("speed-slider").addEventListener("input", (event) => setSpeed(Number(event.target.value)));
   byId("mirrored").addEventListener("change", (event) => mirror(event.target.checked));
   byId("category").addEventListener("change", (event) => change({ category: event.target.value }));
+  byId("caption").addEventListener("input", (event) => change({ caption: event.target.value }));
   byId("preset").addEventListener("change", (event) => choosePreset(event.target.value));
   for (const preset of state.setup.presets) byId("preset").add(new Option(preset.name, preset.name));
   MATERIAL.forEach(connectMaterial);
@@ -131,6 +132,7 @@ export function draw() {
     set(id, text(c[id]));
   }
   byId("category").value = c.category;
+  if (document.activeElement !== byId("caption")) byId("caption").value = c.caption;
   const found = state.setup.presets.find((one) => ["category", ...MATERIAL].every((name) => one[name] === c[name]));
   byId("preset").value = found?.name ?? "";
 }

@@ -24,14 +24,14 @@ export function connect() {
 export function forget() {
   latest = {};
   for (const kind of KINDS) byId(`${kind}-film`).replaceChildren(words(kind));
-  byId("generate-figure").hidden = Boolean(state.setup.no_generator);
+  byId("generate-figure").hidden = true; // its place is the photo's until it is used
   draw();
 }
 
 function words(kind) {
   const text = document.createElement("p");
   text.className = "quiet";
-  text.textContent = kind === "simulate" ? "Start the simulation to see it here." : "Start the generator to see it here.";
+  text.textContent = kind === "simulate" ? "Start the simulation to see it here." : "It comes here.";
   return text;
 }
 
@@ -53,6 +53,7 @@ async function poll() {
   }
   if (number !== state.opened.number) return;
   for (const job of found) latest[job.kind] = job;
+  if (latest.generate) byId("generate-figure").hidden = false;
   KINDS.forEach((kind) => latest[kind]?.state === "done" && showFilm(kind));
   draw();
   clearTimeout(timer);

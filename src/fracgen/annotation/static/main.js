@@ -41,6 +41,7 @@ function drawActions() {
   else link.href = api.url("condition.json", { condition: JSON.stringify(state.condition) });
   link.setAttribute("download", `${state.opened.name.replace(/\.[^.]*$/, "")}.json`);
   link.setAttribute("aria-disabled", String(Boolean(wrong)));
+  byId("keep").href = api.url("mask.png");
   byId("import").disabled = false;
   const { images } = state.setup;
   byId("save").hidden = state.opened.index === null;

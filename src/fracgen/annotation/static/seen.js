@@ -24,7 +24,7 @@ async function show() {
 function showNumbers({ numbers, outside }) {
   for (const name of Object.keys(state.setup.ranges)) {
     const cell = byId(`seen-${name}`);
-    cell.textContent = numbers[name].toFixed(3) + (outside.includes(name) ? " !" : "");
+    cell.textContent = numbers[name].toFixed(3).replace("-", "\u2212") + (outside.includes(name) ? " !" : "");
     cell.classList.toggle("outside", outside.includes(name));
   }
   byId("seen-category").textContent = `${sign(numbers.low)}, ${sign(numbers.high)}`;
@@ -39,6 +39,7 @@ function sign(value) {
 export function showReference() {
   const { width, height } = state.setup.size;
   byId("model").textContent = `Dashed: the generator's picture, ${width} × ${height}.`;
+  byId("force-box").style.aspectRatio = `${width} / ${height}`;
   byId("reference").src = api.url("reference.jpg", { fit: state.fit, number: state.opened.number });
   byId("reference").hidden = false;
 }
