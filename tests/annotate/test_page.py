@@ -174,7 +174,6 @@ def test_all_can_be_done_by_keyboard(tab: Watched, place: Path) -> None:
     """From the picture on: Tab reaches every control; arrows nudge, space paints; the focus is seen."""
     tab.open(place / "loaf.png")
     page = tab.page
-    active = "document.activeElement"
     reached = []
     page.focus("#choose")
     for _ in range(45):

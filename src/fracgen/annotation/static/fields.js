@@ -6,6 +6,7 @@ import { centre, change, changed, duration, extent, grips, isMirrored, moveGrips
 
 const GRIPS = ["x1", "y1", "x2", "y2"];
 const MATERIAL = ["E", "nu", "onset", "crit"];
+const NUMBERS = [...GRIPS, "degrees", "speed", ...MATERIAL];
 const STRETCHES = ["onset", "crit"];
 const GAP = 0.05; // between onset and crit, where a slider pushes the other
 const STEPS = 400;
@@ -165,7 +166,7 @@ function set(id, value) {
 
 // While a field has the focus and was typed in, it keeps what was typed.
 export function watchTyping() {
-  for (const id of [...GRIPS, "degrees", "speed", ...MATERIAL]) {
+  for (const id of NUMBERS) {
     const field = byId(id);
     field.addEventListener("input", () => (field.dataset.typing = "yes"), { capture: true });
     for (const end of ["change", "blur"]) {
@@ -178,6 +179,9 @@ export function watchTyping() {
 }
 
 export function imported() {
-  for (const id of [...GRIPS, "degrees", "speed", ...MATERIAL]) setProblem(id, "");
+  for (const id of NUMBERS) {
+    setProblem(id, "");
+    delete byId(id).dataset.typing;
+  }
   state.mirrored = isMirrored();
 }
