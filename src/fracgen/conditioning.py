@@ -13,8 +13,8 @@ import numpy as np
 
 from fracgen.layout import CHANNELS
 from fracsim.camera import project, view_of
-from fracsim.dataset.classes import TRAINING_FRAMES, class_of
 from fracsim.records import Array
+from fracsim.scene.classes import TRAINING_FRAMES, class_of
 from fracsim.scene.condition import Condition
 from fracsim.scene.vocab import CENTRE, Scene
 

@@ -19,6 +19,8 @@ CLEAR = 1.25
 """The eye of a view by angles stays this many times as far from the centre as the object can reach towards it."""
 TILE = 16
 """Edge of a square tile [px]; pictures are whole tiles."""
+PHOTO_DISTANCE = 4.0
+"""Distance of the eye from an object that comes from a photo, in its largest extents: photos are taken from so far."""
 MARGIN = 1.08
 """The default view holds the travel of the grips times this."""
 
@@ -149,9 +151,13 @@ def direction(azimuth_deg: float, elevation_deg: float) -> Array:
 def view_of(scene: Scene) -> View:
     """The camera of a scene: explicit, or a view of the object and of the full travel of both grips.
 
-    A view by angles keeps the eye outside the object, see `framing` and CLEAR; an explicit one is taken as it is.
+    A view by angles keeps the eye outside the object, see `framing` and CLEAR; an explicit one is taken as it is. An
+    object from a photo is seen from PHOTO_DISTANCE, so that it looks as in the photo. Raises ValueError where the
+    camera is that of a photo and has no matrix yet: `fracsim.photo.stage.staged` gives it.
     """
     c = scene.camera
+    if c.background == "photo" and not c.matrix:
+        raise ValueError("camera.background=photo has no camera.matrix yet: take `fracsim.photo.stage.staged(scene)`.")
     if c.matrix:
         fx, fy, cx, cy = c.intrinsics
         return View(np.reshape(c.matrix, (4, 4)), fx, fy, cx, cy, c.width, c.height)
@@ -163,7 +169,10 @@ def view_of(scene: Scene) -> View:
     towards_eye = np.abs(direction(c.azimuth_deg, c.elevation_deg))
     # A box of the largest extent, and the way of a grip.
     reach = scene.asset.size / 2 * towards_eye.sum() + travel * float(u @ towards_eye)
-    return framing(np.asarray(CENTRE), width, height, c.fov_deg, c.azimuth_deg, c.elevation_deg, c.width, c.height,
+    fov = c.fov_deg
+    if scene.asset.kind == "image":
+        fov = 2 * math.degrees(math.atan(max(height, width * c.height / c.width) / (PHOTO_DISTANCE * scene.asset.size)))
+    return framing(np.asarray(CENTRE), width, height, fov, c.azimuth_deg, c.elevation_deg, c.width, c.height,
                    least=CLEAR * reach)  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 OPEN = (
-    "fracsim.constitutive", "fracsim.damage", "fracsim.maps",
+    "fracsim.constitutive", "fracsim.damage", "fracsim.maps", "fracsim.photo.cutouts",
     "fracgen.features", "fracgen.metrics", "fracgen.trackers",
 )  # fmt: skip
 """Packages that take modules from outside."""

@@ -18,7 +18,7 @@ import fracsim.dataset
 from fracsim import sample
 from fracsim.dataset import webdataset_shards
 from fracsim.dataset.__main__ import main
-from fracsim.dataset.classes import split_of
+from fracsim.scene.classes import split_of
 from tests.command import environment
 
 from . import tiny

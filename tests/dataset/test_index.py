@@ -17,10 +17,10 @@ from omegaconf import OmegaConf
 from fracsim import compose, sample
 from fracsim.dataset import captions, index
 from fracsim.dataset.__main__ import main
-from fracsim.dataset.classes import OBJECTS, TEST, TRAIN, class_of, split_of
 from fracsim.dataset.table import COLUMNS, FIELDS, column_of, fingerprint
 from fracsim.sample import schema
 from fracsim.sample.identity import field_of
+from fracsim.scene.classes import OBJECTS, TEST, TRAIN, class_of, split_of
 from fracsim.scene.program import conf
 from fracsim.scene.space import Space
 from tests.command import environment

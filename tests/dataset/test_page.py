@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from fracsim.dataset import card, index
-from fracsim.dataset.classes import OBJECTS, split_of
+from fracsim.scene.classes import OBJECTS, split_of
 from tests.command import environment
 
 PAGE = (Path(__file__).parents[2] / "docs/data.md").read_text(encoding="utf-8")

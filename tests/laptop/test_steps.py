@@ -18,7 +18,7 @@ from fracgen.laptop.study import FRAMES, FULL, QUICK, SIMULATORS, WIDTH, Study, 
 from fracgen.sample import SAMPLE
 from fracgen.train import TRAIN
 from fracgen.train_vae import PROGRAM as TRAIN_VAE
-from fracsim.dataset.classes import TEST
+from fracsim.scene.classes import TEST
 from fracsim.scene.program import SIMULATE
 
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fracgen.annotation.presets import MATERIALS
+from fracsim.photo.stage import PRESETS
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ def simulate(task: Task) -> list[str]:
     return [
         sys.executable, "-m", "fracsim", "asset=image", f"asset.path={task.picture}", f"asset.mask={task.mask}",
         f"condition={task.condition}", "camera.background=photo", "quality=preview",
-        f"material={MATERIALS[task.category]}", f"output.folder={task.output}",
+        f"material={PRESETS[task.category]}", f"output.folder={task.output}",
     ]  # fmt: skip
 
 

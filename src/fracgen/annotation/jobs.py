@@ -162,9 +162,10 @@ def _start(job: Job) -> "subprocess.Popen[str]":
 
 def _follow(job: Job, process: "subprocess.Popen[str]") -> int:
     """Note what a process says until it ends; its exit status."""
-    assert process.stdout is not None
+    output = process.stdout
+    assert output is not None
     last: deque[str] = deque(maxlen=KEPT)
-    for line in iter(lambda: process.stdout.readline(LINE), ""):
+    for line in iter(lambda: output.readline(LINE), ""):
         if not line.strip():
             continue
         last.append(line.strip())

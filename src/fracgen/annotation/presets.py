@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 from fracgen.conditioning import LIMITS, physical
-from fracsim.dataset.classes import class_of
+from fracsim.scene.classes import class_of
 from fracsim.scene.condition import Condition
 from fracsim.scene.knob import describe
 from fracsim.scene.program import SIMULATE
@@ -16,8 +16,6 @@ PRESETS = (
     ("Rubber, tears late", "rubber", "rubber_late"),
 )
 """Name, file of conf/material and file of conf/fracture."""
-MATERIALS = {"low_stretch": "bread", "high_stretch": "rubber"}
-"""File of conf/material by kind of fracture."""
 
 
 @cache

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from fracsim.dataset.classes import TEST, TRAIN
+from fracsim.scene.classes import TEST, TRAIN
 
 STAGES = (1, 2, 3)
 METRICS = ("psnr", "ssim", "stlpips", "lpips", "fvd", "kvd", "sac", "dpa", "r2_cons", "map_mse", "iou")

@@ -19,11 +19,11 @@ from fracgen.data.choose import choose, told
 from fracgen.sampling import picture
 from fracgen.sampling.trained_run import TrainedRun
 from fracsim.dataset import Clip, captions
-from fracsim.dataset.classes import LAWS, NONE, class_of
 from fracsim.dataset.progress import shown
 from fracsim.dataset.table import FIELDS
 from fracsim.records import Array
 from fracsim.sample.identity import field_of
+from fracsim.scene.classes import LAWS, NONE, class_of
 from fracsim.scene.condition import Condition, load
 
 

@@ -7,7 +7,8 @@ from fracsim.asset.frame import LatticeFrame
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset, Scene
 
-MODULES = {"builtin": "fracsim.asset.builtin", "mesh": "fracsim.asset.mesh", "ply": "fracsim.asset.splat"}
+MODULES = {"builtin": "fracsim.asset.builtin", "mesh": "fracsim.asset.mesh", "ply": "fracsim.asset.splat",
+           "image": "fracsim.asset.image"}  # fmt: skip
 """The module of each asset.kind; its `prepare(asset, spacing, seed, frame)` makes the particles, in the frame."""
 
 

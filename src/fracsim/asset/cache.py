@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fracsim import sidefiles
+from fracsim import registry, sidefiles
 from fracsim.caching import folder as folder
+from fracsim.photo.cutting import CUTOUTS
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset
 
@@ -25,8 +26,11 @@ USED = {
     "builtin": ("kind", "name", "size", "rotate_deg"),
     "mesh": ("kind", "size", "rotate_deg", "interior"),
     "ply": ("kind", "size", "rotate_deg", "interior", "opacity_threshold"),
+    "image": ("kind", "size", "rotate_deg", "interior", "depth", "back", "base"),
 }
 """The fields of Asset that determine the particles of each kind, together with the contents of asset.path."""
+PHOTO = Path(__file__).parents[1] / "photo"
+"""The sources that find an object in a photo."""
 
 
 def key(asset: Asset, spacing: float, seed: int, lattice_deg: float = 0.0) -> str:
@@ -38,6 +42,9 @@ def key(asset: Asset, spacing: float, seed: int, lattice_deg: float = 0.0) -> st
     if asset.kind != "builtin":
         path = Path(asset.path)
         files += [path, *sorted(file for _, file in sidefiles.named(path) if file is not None)]
+    if asset.kind == "image":
+        files += [*sorted(PHOTO.rglob("*.py")), registry.source(CUTOUTS, asset.cutout, "asset.cutout")]
+        files += [Path(asset.mask)] if asset.mask else []
     for file in files:
         with file.open("rb") as stream:
             content = hashlib.sha256()

@@ -13,7 +13,7 @@ from pathlib import Path
 from fracsim import backend
 from fracsim.asset.build import build_of
 from fracsim.bench.record import Row
-from fracsim.dataset.classes import OBJECTS
+from fracsim.scene.classes import OBJECTS
 from fracsim.scene.program import compose
 from fracsim.solve.simulator import Simulator
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from fracsim.dataset.classes import NONE
+from fracsim.scene.classes import NONE
 
 TEMPLATES = {
     "low_stretch": "A {object} of a soft material that stretches little is pulled{direction}{end}.",

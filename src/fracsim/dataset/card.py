@@ -11,7 +11,6 @@ from statistics import median
 from typing import Any
 
 from fracsim.dataset import folders, index
-from fracsim.dataset.classes import TRAINING_FRAMES
 from fracsim.dataset.command import command
 from fracsim.dataset.histogram import histogram
 from fracsim.dataset.progress import Progress, shown, silent
@@ -21,6 +20,7 @@ from fracsim.dataset.thumbnails import chosen, sheet
 from fracsim.dataset.verify import attempts, failures
 from fracsim.run.journal import JOURNAL
 from fracsim.sample.schema import read_meta
+from fracsim.scene.classes import TRAINING_FRAMES
 
 CARD = "README.md"
 THUMBNAILS = Path("sheets", "thumbnails.png")

@@ -19,12 +19,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fracsim.dataset import folders
-from fracsim.dataset.classes import SPLITS
 from fracsim.dataset.command import command
 from fracsim.dataset.progress import Progress, shown, silent
 from fracsim.dataset.table import SCHEMA, Row, row_of
 from fracsim.sample import schema
 from fracsim.sample.folder import lacking
+from fracsim.scene.classes import SPLITS
 
 TABLE = "metadata.parquet"
 VERSION = "1"

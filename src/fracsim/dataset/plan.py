@@ -22,9 +22,10 @@ from typing import Any
 
 from fracsim.dataset import calibrate
 from fracsim.dataset.breaks import breaking_frame, breaking_stretch
-from fracsim.dataset.classes import NONE, TRAINING_FRAMES, class_of, split_of
+from fracsim.photo.stage import staged
 from fracsim.sample.identity import field_of, pinned_defaults, scene_id
 from fracsim.scene import expand
+from fracsim.scene.classes import NONE, TRAINING_FRAMES, class_of, split_of
 from fracsim.scene.knob import text
 from fracsim.scene.vocab import Scene
 
@@ -131,6 +132,7 @@ def plan(scenes: Iterable[Scene]) -> Plan:
     ids: Counter[str] = Counter()
     clips = []
     for scene in scenes:
+        scene = staged(scene)
         identity = scene_id(scene)
         ids[identity] += 1
         if ids[identity] == 1:

@@ -9,10 +9,10 @@ from typing import Any
 import pyarrow as pa
 
 from fracsim.dataset.captions import caption
-from fracsim.dataset.classes import NONE, TRAINING_FRAMES, class_of, split_of
 from fracsim.sample import schema
 from fracsim.sample.health import health
 from fracsim.sample.identity import FRACSIM, field_of, pinned_defaults
+from fracsim.scene.classes import NONE, TRAINING_FRAMES, class_of, split_of
 from fracsim.scene.knob import describe
 from fracsim.scene.vocab import Scene
 

@@ -7,6 +7,8 @@ import numpy as np
 from fracsim import maps, registry
 from fracsim.asset.harmonics import turned
 from fracsim.camera import depths, project, view_of
+from fracsim.photo.backdrop import backdrop
+from fracsim.photo.outline import outline
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.rotations import rotations
 from fracsim.render.splat import Splatter, colours, visibility
@@ -30,11 +32,15 @@ class Picture:
     """Depth where half the light is lost [m], (H, W)."""
 
 
-def on_white(image: Array, alpha: Array) -> Array:
-    """Colours over white, (H, W, 3) uint8, of an image (H, W, C), RGB first, with alpha (H, W)."""
+def on_ground(image: Array, alpha: Array, ground: Array | None = None) -> Array:
+    """Colours over a ground, (H, W, 3) uint8, of an image (H, W, C), RGB first, with alpha (H, W).
+
+    `ground`, (H, W, 3) in [0, 1], is white where there is none.
+    """
     # Only where alpha > 0: most pixels are empty and need no arithmetic.
-    out, seen = np.full((*alpha.shape, 3), 255, np.uint8), alpha > 0
-    over = image[seen, :3] + (1 - alpha[seen])[:, None]
+    seen = alpha > 0
+    out = np.full((*alpha.shape, 3), 255, np.uint8) if ground is None else np.rint(ground * 255).astype(np.uint8)
+    over = image[seen, :3] + (1 - alpha[seen])[:, None] * (1 if ground is None else ground[seen])
     out[seen] = np.rint(np.clip(over, 0, 1) * 255).astype(np.uint8)
     return out
 
@@ -48,6 +54,9 @@ class Film:
         self.maps = {registry.label(name): maps.load(name) for name in scene.capture.maps}
         self.channels = 3 * scene.capture.rgb + sum(m.CHANNELS for m in self.maps.values())
         self.splatter = Splatter(self.view, self.channels) if self.channels else None
+        self.ground = None
+        if scene.camera.background == "photo" and scene.capture.rgb:
+            self.ground = backdrop(outline(scene.asset), scene.asset.size, self.view)
         self._culled, self._when = 0, 0
         self._empty = False
 
@@ -73,7 +82,7 @@ class Film:
         self._watch(frame, alpha)
         rgb, pictures, at = None, {}, 0
         if self.scene.capture.rgb:
-            rgb, at = on_white(image, alpha), 3
+            rgb, at = on_ground(image, alpha, self.ground), 3
         for name, m in self.maps.items():
             pictures[name] = image[..., at : at + m.CHANNELS]
             at += m.CHANNELS

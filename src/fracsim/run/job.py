@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from fracsim.photo.stage import staged
 from fracsim.run import journal, lines, logger
 from fracsim.run.attempt import Summary, Task
 from fracsim.run.sweep import run_all
@@ -62,7 +63,7 @@ def _resolved(todo: Sequence[tuple[Any, tuple[str, ...]]]) -> Iterator[Task]:
 
     for cfg, overrides in todo:
         try:
-            yield Task(SIMULATE.resolve(cfg, overrides), overrides)
+            yield Task(staged(SIMULATE.resolve(cfg, overrides)), overrides)
         except ValueError as error:
             content: Any = {}
             try:

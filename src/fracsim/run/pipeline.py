@@ -7,6 +7,7 @@ import numpy as np
 from fracsim import backend
 from fracsim.asset.build import build_of
 from fracsim.entry.interrupt import Interrupt, interrupted
+from fracsim.photo.stage import staged
 from fracsim.records import Frame, Particles
 from fracsim.render.film import Film
 from fracsim.run.outcome import Outcome, health
@@ -35,6 +36,7 @@ def run(scene: Scene, watch: Watcher | None = None) -> Outcome:
     """
     watch = watch or Watcher()
     try:
+        scene = staged(scene)
         existing = _existing(scene)
         if existing:
             return existing

@@ -6,6 +6,7 @@ import numpy as np
 
 from fracsim import backend
 from fracsim.asset.build import build_of
+from fracsim.photo.stage import staged
 from fracsim.records import Array, Frame, Particles
 from fracsim.render.film import Film
 from fracsim.scene.knob import check_names
@@ -24,7 +25,7 @@ class Run:
     def __init__(self, scene: Scene) -> None:
         backend.start(scene.backend)
         check_names(scene)
-        self.scene = scene
+        self.scene = scene = staged(scene)
         self._prepared = ready(scene)
         self._object = build_of(scene)
         self._simulator = self._at_rest()

@@ -52,11 +52,12 @@ def scene_id(scene: Scene) -> str:
 def scene_content(scene: Scene, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The content of the sample of a scene: dotted field -> value, without labels and fields at their pinned default.
 
-    asset.path counts by the content of its files, a law or map from outside by its name and source. `known`, the
-    content of a sample, stands in for the files. Raises ValueError when a file cannot be read.
+    asset.path and asset.mask count by the content of their files, a law or map from outside by its name and source.
+    `known`, the content of a sample, stands in for the files. Raises ValueError when a file cannot be read.
     """
     values = {name: field_of(scene, name) for name in pinned_defaults(type(scene))}
     values["asset.path"] = asset_digest(scene) if known is None else known.get("asset.path", "")
+    values["asset.mask"] = mask_digest(scene) if known is None else known.get("asset.mask", "")
     for package, name, module in modules(scene):
         if registry.is_outside(package, module):
             counted = _by_source(package, name, module) if known is None else _known(known.get(name), module)
@@ -69,7 +70,7 @@ def scene_content(scene: Scene, known: Mapping[str, Any] | None = None) -> dict[
 def modules(scene: Scene) -> Iterator[tuple[str, str, str]]:
     """Package, field and name of every module that a scene chooses."""
     for field, _, knob in describe(type(scene)):
-        if knob.package:
+        if knob.package and (field != "asset.cutout" or scene.asset.kind == "image"):
             value = field_of(scene, field)
             yield from ((knob.package, field, name) for name in (value if isinstance(value, list) else [value]))
 
@@ -119,6 +120,15 @@ def asset_digest(scene: Scene) -> str:
         raise ValueError(
             f"asset.path={scene.asset.path} cannot be read ({error.strerror}): set asset.path to a file that can."
         ) from None
+
+
+def mask_digest(scene: Scene) -> str:
+    """sha256 of the mask of a photo in hex, or "" without one; raises ValueError when it cannot be read."""
+    try:
+        return digest(Path(scene.asset.mask)) if scene.asset.mask else ""
+    except OSError as error:
+        raise ValueError(f"asset.mask={scene.asset.mask} cannot be read ({error.strerror}): set asset.mask to a file "
+                         "that can.") from None  # fmt: skip
 
 
 def digest(path: Path) -> str:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-PATHS = ("path", "folder", "law", "pred", "gt")
+PATHS = ("path", "folder", "law", "pred", "gt", "mask", "cutout", "condition", "image")
 """Ends of the names of fields that hold a path."""
 
 

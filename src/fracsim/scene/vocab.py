@@ -24,24 +24,34 @@ LABELS = ("quality",)
 class Asset:
     """The object under load."""
 
-    kind: str = knob("builtin", "where the object comes from", choices=("builtin", "mesh", "ply"))
+    kind: str = knob("builtin", "where the object comes from", choices=("builtin", "mesh", "ply", "image"))
     name: str = knob("bread", "built-in object (kind=builtin)", package="fracsim.asset.objects")
-    path: str = knob("", "mesh (OBJ, GLB, glTF, PLY, STL) or trained 3DGS point_cloud.ply")
+    path: str = knob("", "mesh (OBJ, GLB, glTF, PLY, STL), trained 3DGS point_cloud.ply, or photo (PNG, JPEG, WebP)")
     size: float = knob(0.6, "largest extent after scaling", "m", least=0.01, most=1.6)
     rotate_deg: list[float] = knob([0.0, 0.0, 0.0], "rotation about x, then y, then z, before placing", "deg",
                                    least=-360, most=360)  # fmt: skip
-    interior: str = knob("", "colour inside a mesh or splat object, as #rrggbb; empty = that of its surface")
+    interior: str = knob("", "colour inside an object from a file, as #rrggbb; empty = that of its surface")
+    mask: str = knob("", "picture that is white, or opaque, on the object in the photo; empty = the object is found")
+    cutout: str = knob("auto", "how the object is found in the photo, a module of fracsim.photo.cutouts or a file "
+                       "./CUTOUT.py", package="fracsim.photo.cutouts")  # fmt: skip
+    depth: float = knob(0.7, "thickness of the body inflated from the photo, in the smaller side of the outline's box",
+                        least=0.05, most=2.0)  # fmt: skip
+    back: str = knob("round", "back of that body: round: as its front; flat: in the plane of the outline",
+                     choices=("round", "flat"))  # fmt: skip
+    base: str = knob("round", "foot of that body: round: as its other sides; flat: as of what stands on a table",
+                     choices=("round", "flat"))  # fmt: skip
     opacity_threshold: float = knob(0.02, "drop splats of lower opacity (kind=ply)", least=0, most=1)
     max_particles: int = knob(3_000_000, "refuse objects that need more particles", least=1)
 
     def __post_init__(self) -> None:
         check(self, "asset")
-        self.path = os.path.expanduser(self.path)
+        self.path, self.mask = os.path.expanduser(self.path), os.path.expanduser(self.mask)
         if self.kind != "builtin" and not self.path:
             raise ValueError(f"asset.path is empty but asset.kind={self.kind} needs a file: set asset.path=FILE.")
         if self.kind == "builtin" and self.path:
             raise ValueError(f"asset.path={self.path} has no effect with the built-in {self.name}: set asset=mesh for "
-                             "a mesh, asset=ply for trained splats, or leave it out.")  # fmt: skip
+                             "a mesh, asset=ply for trained splats, asset=image for a photo, or leave it "
+                             "out.")  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -197,6 +207,8 @@ class Camera:
     elevation_deg: float = knob(0.0, "orbit upwards", "deg", least=-89, most=89)
     half_width: float = knob(0.0, "half width of the view at the object's centre; 0 = frames the full travel of both "
                              "grips", "m", least=0.0, most=100.0)  # fmt: skip
+    background: str = knob("white", "what is behind the object: white; photo: that of asset=image without its object, "
+                           "seen from where the photo was taken", choices=("white", "photo"))  # fmt: skip
     matrix: list[float] = knob([], "explicit world-to-camera matrix, 16 numbers by rows (x right, y down, z ahead)",
                                least=-1e6, most=1e6)  # fmt: skip
     intrinsics: list[float] = knob([], "explicit fx, fy, cx, cy, together with matrix", "px", least=-1e6, most=1e6)
@@ -270,6 +282,9 @@ class Scene:
 
     quality: str = knob("default", "preset of this scene (a label)")
     seed: int = knob(0, "seed of every random choice", least=0, most=2**31 - 1)
+    condition: str = knob("", "JSON file of a pull on the photo of asset=image, as the annotation page writes it: it "
+                          "sets material.E and nu, fracture.onset and crit, loading.axis_deg, offset and speed, and "
+                          "capture.fps")  # fmt: skip
     asset: Asset = field(default_factory=Asset)
     material: Material = field(default_factory=Material)
     fracture: Fracture = field(default_factory=Fracture)
@@ -282,6 +297,12 @@ class Scene:
 
     def __post_init__(self) -> None:
         check(self, "")
+        self.condition = os.path.expanduser(self.condition)
+        of_photo = {"condition": self.condition, "camera.background": self.camera.background}
+        for name, value in of_photo.items():
+            if value not in ("", "white") and self.asset.kind != "image":
+                raise ValueError(f"{name}={value} needs a photo, but asset.kind={self.asset.kind}: set asset=image and "
+                                 f"asset.path=PHOTO, or leave {name} out.")  # fmt: skip
         if self.solver.max_speed <= self.loading.speed:
             raise ValueError(
                 f"solver.max_speed={self.solver.max_speed:g} is not above loading.speed={self.loading.speed:g} m/s, "
