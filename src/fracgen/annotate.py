@@ -5,6 +5,7 @@ writes NAME.json beside the image, and nothing else.
 """
 
 import argparse
+import contextlib
 import socket
 import sys
 import threading
@@ -12,7 +13,7 @@ import webbrowser
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from fracsim.entry import BAD, complain
+from fracsim.entry import BAD, Interrupt, complain
 
 if TYPE_CHECKING:  # an extra
     from fracgen.annotation import app
@@ -53,7 +54,7 @@ def listening(port: int) -> socket.socket:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Serve the page until Ctrl-C; exit status 2 after an error."""
+    """Serve the page until Ctrl-C or SIGTERM; exit status 2 after an error."""
     options = arguments(argv)
     try:
         import uvicorn
@@ -75,7 +76,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not options.no_browser:
         threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
     config = uvicorn.Config(app.create(settings), log_level="warning", access_log=False, timeout_graceful_shutdown=2)
-    uvicorn.Server(config).run(sockets=[server])
+    # The server ends its jobs, then raises the signal again.
+    with contextlib.suppress(KeyboardInterrupt), Interrupt():
+        uvicorn.Server(config).run(sockets=[server])
     return 0
 
 

@@ -12,7 +12,7 @@ from tests.annotate import browser
 from tests.annotate.photos import photo
 
 FILE = Path("docs/img/annotate.png")
-COLOURS = 128
+COLOURS = 256
 """A palette keeps the file small."""
 WAIT = 600_000
 """Longest time of the simulation [ms]."""
@@ -36,7 +36,7 @@ def main() -> None:
           film.pause();
           await new Promise((done) => {
             film.onseeked = done;
-            film.currentTime = 0.72 * film.duration;
+            film.currentTime = 0.5 * film.duration;
           });
         }""")
         shot = Path(name) / "shot.png"

@@ -26,6 +26,7 @@ for k in range(steps):
     print(f"frame {k + 1} of {steps}, 1 s left", file=sys.stderr, flush=True)
     time.sleep(pause)
 (folder / "0123456789ab").mkdir(parents=True)
+print("break             at frame 2 (t = 0.02 s)")
 shutil.copy(film, folder / "0123456789ab" / "strip.mp4")
 print(folder / "0123456789ab")
 """
@@ -80,9 +81,9 @@ class Tab:
     def jobs(self) -> Any:
         return self.get("jobs").json()
 
-    def wait(self, *states: str, job: int = -1) -> Any:
-        """The job once it has one of the states; 20 s are far more than any takes here."""
-        for _ in range(400):
+    def wait(self, *states: str, job: int = -1, seconds: float = 30.0) -> Any:
+        """The job once it has one of the states, within far more seconds than it takes."""
+        for _ in range(int(20 * seconds)):
             found = self.jobs()[job]
             if found["state"] in states:
                 return found

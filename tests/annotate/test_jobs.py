@@ -69,6 +69,7 @@ def test_a_simulation_gives_a_film(film: Path, loaf: Path) -> None:
         assert tab.start().json()["state"] in ("waiting", "running")
         done = tab.wait("done", "failed")
         assert (done["state"], done["done"]) == ("done", 1.0)
+        assert done["text"] == "at frame 2 (t = 0.02 s)"
         shown = tab.get(f"jobs/{done['id']}/film.mp4")
         assert shown.content == film.read_bytes()
         part = tab.request("GET", f"jobs/{done['id']}/film.mp4", headers={"range": "bytes=2-5"})

@@ -16,6 +16,8 @@ from fracsim.entry import SIGNS
 
 PROGRESS = re.compile(r"\b(?:frame|call) (\d+) of (\d+)")
 """Signs of life of fracsim and fracgen.sample."""
+OUTCOME = re.compile(r"break {2,}(\S.*)")
+"""The line of a simulation's table that says when the object parted."""
 PATIENCE = 5.0
 """Seconds between asking a process to end and ending it."""
 WAITING = 8
@@ -178,9 +180,9 @@ def _follow(job: Job, process: "subprocess.Popen[str]") -> int:
 
 
 def _told(last: Sequence[str], code: int) -> str:
-    """What a process that has ended said that matters: its error, or its last line."""
+    """What a process that has ended said that matters: the break of the object, its error, or its last line."""
     if not code:
-        return last[-1] if last else ""
+        return next((found[1] for line in last if (found := OUTCOME.match(line))), "")
     if code < 0:
         return f"The process was ended by signal {-code}."
     errors = [line for line in last if line.startswith("error:")]

@@ -86,7 +86,8 @@ function reason(kind) {
 }
 
 function told(job) {
-  if (!job || job.state === "done") return "";
+  if (!job) return "";
+  if (job.state === "done") return job.kind === "simulate" && job.text ? `Break: ${job.text}` : "";
   if (job.state === "waiting" && job.before) return `Waiting, ${job.before} before it`;
   return job.text && job.state !== "cancelled" ? `${STATES[job.state]}: ${job.text}` : STATES[job.state];
 }
