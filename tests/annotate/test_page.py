@@ -2,6 +2,8 @@
 
 import json
 import math
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -277,6 +279,16 @@ def test_two_tabs_do_not_mix_and_a_closed_one_harms_nobody(
     context.close()
     tab.page.click("#simulate .start")
     tab.until("() => document.querySelector('#simulate-film video')?.readyState >= 2")
+
+
+def test_a_page_that_is_left_ends_its_session(tab: Watched, address: str, place: Path) -> None:
+    tab.open(place / "loaf.png")
+    session = tab.page.get_attribute("#photo", "src").rpartition("/")[0]
+    assert urllib.request.urlopen(f"{address}{session}/jobs").status == 200
+    with tab.page.expect_response(lambda answer: answer.url.endswith("/end")):
+        tab.page.goto(f"{address}/static/page.css")
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"{address}{session}/jobs")
 
 
 def test_a_broken_picture_is_told_and_the_page_goes_on(tab: Watched, place: Path, tmp_path: Path) -> None:

@@ -90,6 +90,7 @@ def create(settings: Settings) -> FastAPI:
         finally:
             await anyio.to_thread.run_sync(app.state.place.close)
 
+    presets.presets()  # here, since Hydra composes one configuration at a time
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=life)
     app.add_middleware(Guard)
     for kind, status in STATUS.items():
@@ -197,10 +198,10 @@ def reference(session: Tab, place: Shared, fit: Fit) -> Response:
 
 
 @tab.get("/force.png")
-def force(session: Tab, place: Shared, condition: str, fit: Fit) -> Response:
-    """The loading as the model sees it, animated."""
+def force(session: Tab, place: Shared, condition: str, fit: Fit, loops: int = 0) -> Response:
+    """The loading as the model sees it, shown `loops` times, or without end."""
     frames = preview.force(_condition(condition), session.picture.size, place.settings.size, fit)
-    return Response(preview.animation(frames), media_type="image/png")
+    return Response(preview.animation(frames, loops), media_type="image/png")
 
 
 @tab.get("/box")

@@ -118,7 +118,7 @@ class Session:
 
     def cut_again(self) -> dict[str, Any]:
         """Forget what was painted, and find the object in the picture again."""
-        with self.lock, uploads.DECODING:
+        with self.lock:
             there = self.picture
             return self._cut(there, _load(there.path, there.path.name))
 
@@ -153,7 +153,8 @@ class Session:
     def _cut(self, there: Opened, photo: Photo) -> dict[str, Any]:
         """Find the object, or nothing, and open the picture with it."""
         try:
-            mask, note = self.cut(photo), ""
+            with uploads.DECODING:
+                mask, note = self.cut(photo), ""
         except ValueError as error:
             mask, note = np.zeros((photo.size[1], photo.size[0]), bool), f"No object was found, paint it: {error}"
         Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(there.mask, compress_level=1)

@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from threading import Lock
+from threading import RLock
 
 from PIL import Image
 from starlette.requests import Request
@@ -17,8 +17,8 @@ PIXELS = 64_000_000
 """Largest picture: more than cameras of phones give."""
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "MPO", "HEIF")
 """Formats that are read. Pillow knows more, among them some that start other programs."""
-DECODING = Lock()
-"""One picture is decoded at a time, so that many cannot fill the memory."""
+DECODING = RLock()
+"""One picture is decoded and cut out at a time, so that many cannot fill the memory."""
 
 
 class TooLargeError(Exception):

@@ -76,7 +76,7 @@ class Body:
         d = (z * z - u) / np.sqrt(4 * z * z + ux * ux + uy * uy + 1e-6)
         if self.flat:
             d = np.maximum(d, -z)
-        return np.asarray(np.maximum(d, self.relief.foot - y * larger))
+        return np.asarray(np.maximum(d, self.relief.beyond(x * larger, y * larger)))
 
     def front(self, at: Array) -> Array:
         """The points of the front, (N, 3), that the eye sees at points of the plane, (N, 2)."""
@@ -130,7 +130,7 @@ def _skin(seen: Outline, body: Body, placement: place.Placement, asset: Asset, s
     at = index * pitch
     u, ux, uy = body.relief(*at.T)
     # A third of the pitch from the outline on; the slope of u is its value over the distance there.
-    inside = (u > 0.3 * pitch * np.hypot(ux, uy)) & (u > 0) & (at[:, 1] > body.relief.foot)
+    inside = (u > 0.3 * pitch * np.hypot(ux, uy)) & (u > 0) & (body.relief.beyond(*at.T) < -0.3 * pitch)
     at, index, u, ux, uy = at[inside], index[inside], u[inside], ux[inside], uy[inside]
     P, h = body.front(at), np.sqrt(u)
     A, normal = skin.covariances(np.stack([ux, uy], axis=1) / (2 * h)[:, None], pitch)

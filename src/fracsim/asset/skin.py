@@ -45,7 +45,7 @@ def sharpened(wanted: Array, index: Array, height: Array) -> Array:
     """
     weight, neighbour = _weights(index, height)
     behind = (1 - weight.sum(axis=1))[:, None] * wanted
-    colour = wanted.copy()
+    colour: Array = wanted.copy()
     for _ in range(ROUNDS):
         seen = np.einsum("nk,nkc->nc", weight, colour[neighbour]) + behind
         colour = np.clip(colour + (wanted - seen), 0, 1)

@@ -69,9 +69,7 @@ def filled(picture: Array, hole: Array) -> Array:
     colours = np.stack([_shrunk(picture[..., c] * ~hole, small) / np.maximum(weight, 1e-6) for c in range(3)], axis=-1)
     membrane = _membrane(colours, known)
     smooth = np.stack([_enlarged(membrane[..., c], (width, height)) for c in range(3)], axis=-1)
-    soft = gaussian_filter(hole.astype(np.float32), RIM * max(height, width) / 4)[..., None]
-    soft = np.where(hole[..., None], np.maximum(soft, 0.5) * 2 - 1, 0)
-    out: Array = np.clip(picture * (1 - soft) + (smooth + _grain(picture, hole)) * soft, 0, 1).astype(np.float32)
+    out: Array = np.where(hole[..., None], np.clip(smooth + _grain(picture, hole), 0, 1), picture).astype(np.float32)
     return out
 
 

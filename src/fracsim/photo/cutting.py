@@ -11,7 +11,7 @@ from fracsim.photo.reading import Photo, upright
 from fracsim.records import Array
 
 CUTOUTS = "fracsim.photo.cutouts"
-SPECK = 0.004
+SPECK = 0.03
 """Holes smaller than this share of the object are filled."""
 LEAST, MOST = 0.003, 0.97
 """Share of the photo that an object may have."""

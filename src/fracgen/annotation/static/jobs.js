@@ -2,7 +2,7 @@
 
 import * as api from "./api.js";
 import { sent } from "./brush.js";
-import { attempt, byId, note } from "./page.js";
+import { attempt, byId, complain, note } from "./page.js";
 import { problem, state } from "./state.js";
 
 const KINDS = ["simulate", "generate"];
@@ -47,7 +47,8 @@ async function poll() {
   let found;
   try {
     found = await api.get("jobs");
-  } catch {
+  } catch (error) {
+    complain(error.message);
     timer = setTimeout(poll, 5 * EVERY); // the server may be busy
     return;
   }
@@ -92,6 +93,12 @@ function told(job) {
   return job.text && job.state !== "cancelled" ? `${STATES[job.state]}: ${job.text}` : STATES[job.state];
 }
 
+function link(address) {
+  const element = document.createElement("a");
+  Object.assign(element, { href: address, download: "film.mp4", textContent: "Save the film: it cannot be shown here." });
+  return element;
+}
+
 function showFilm(kind) {
   const box = byId(`${kind}-film`);
   const address = api.url(`jobs/${latest[kind].id}/film.mp4`);
@@ -100,5 +107,6 @@ function showFilm(kind) {
   const film = document.createElement("video");
   Object.assign(film, { muted: true, loop: true, autoplay: !still, controls: true, playsInline: true, src: address });
   film.setAttribute("aria-label", `${kind === "simulate" ? "Simulation" : "Generated clip"}: colour and maps side by side`);
+  film.addEventListener("error", () => box.replaceChildren(link(address))); // not every browser decodes H.264
   box.replaceChildren(film);
 }

@@ -46,12 +46,17 @@ function drawActions() {
   const { images } = state.setup;
   byId("save").hidden = state.opened.index === null;
   byId("save").disabled = Boolean(wrong);
-  byId("pager").hidden = images.length < 2 || state.opened.index === null;
-  if (state.opened.index === null) return;
-  const saved = images[state.opened.index].saved ? "saved" : "not saved yet";
-  byId("place").textContent = `${state.opened.index + 1} of ${images.length}, ${state.unsaved ? "changed" : saved}`;
-  byId("previous").disabled = state.opened.index === 0;
-  byId("next").disabled = state.opened.index === images.length - 1;
+  byId("pager").hidden = !images.length;
+  const { index } = state.opened;
+  byId("previous").disabled = index === null || index === 0;
+  byId("next").disabled = index === images.length - 1;
+  if (index === null) byId("place").textContent = "back to the folder";
+  else byId("place").textContent = `${index + 1} of ${images.length}, ${saved(images[index])}`;
+}
+
+function saved(image) {
+  if (state.unsaved) return "changed";
+  return image.saved ? "saved" : "not saved yet";
 }
 
 function connectFiles() {
@@ -95,11 +100,16 @@ function connectChoices() {
 
 function connectPager() {
   byId("previous").addEventListener("click", () => turnTo(state.opened.index - 1));
-  byId("next").addEventListener("click", () => turnTo(state.opened.index + 1));
+  byId("next").addEventListener("click", () => turnTo(state.opened.index === null ? 0 : state.opened.index + 1));
+  addEventListener("beforeunload", (event) => inFolder() && state.unsaved && event.preventDefault());
+}
+
+function inFolder() {
+  return state.opened !== null && state.opened.index !== null;
 }
 
 function turnTo(index) {
-  if (state.unsaved && !confirm("The changes are not saved. Go on without them?")) return;
+  if (inFolder() && state.unsaved && !confirm("The changes are not saved. Go on without them?")) return;
   openImage(index);
 }
 
@@ -150,8 +160,7 @@ async function importFile(file) {
 }
 
 async function save() {
-  const saved = await attempt(() => api.put("saved", JSON.stringify(state.condition)));
-  if (!saved) return;
+  if (!(await attempt(() => api.put("saved", JSON.stringify(state.condition))))) return;
   state.setup.images[state.opened.index].saved = true;
   state.unsaved = false;
   changed();

@@ -15,11 +15,12 @@ export function complain(text) {
   byId("alert").firstElementChild.textContent = text;
 }
 
-// Do something that may fail or take a while; errors are shown, and undefined is what it gives then.
+// Do something that may fail or take a while; errors are shown, and undefined is what it gives then. While it is
+// `busy` with something that is shown, nothing else can be done.
 export async function attempt(action, busy = "") {
-  const sign = byId("busy");
-  sign.hidden = !busy;
-  sign.textContent = busy;
+  if (busy && document.body.inert) return undefined;
+  const focused = document.activeElement;
+  if (busy) setBusy(busy);
   try {
     const result = await action();
     complain("");
@@ -28,8 +29,17 @@ export async function attempt(action, busy = "") {
     complain(error.message);
     return undefined;
   } finally {
-    sign.hidden = true;
+    if (busy) {
+      setBusy("");
+      focused?.focus();
+    }
   }
+}
+
+function setBusy(words) {
+  document.body.inert = Boolean(words);
+  byId("busy").hidden = !words;
+  byId("busy").textContent = words;
 }
 
 // Call `action` once, `wait` ms after the last of several calls.

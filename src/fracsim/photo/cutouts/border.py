@@ -13,13 +13,17 @@ BAND = 0.03
 """Width of the border, in longest edges."""
 GROUNDS = 5
 """Colours of the ground, as of a table and a wall in light and shade."""
+RARE = 0.12
+"""Share of the border below which a colour may be that of an object which touches it."""
+NOISE = 1.5
+"""A pixel is no ground if it is as many times farther from the ground's colours than nearly all of the border."""
 GREYS = 256
 
 
 def cut(photo: Photo) -> Array:
-    """Where the distance from the colours of the border is above Otsu's threshold, (H, W) bool."""
+    """Where the distance from the colours of the border is more than theirs, (H, W) bool."""
     away = distance(photo)
-    mask = Image.fromarray((away > threshold(away)).astype(np.float32)).resize(photo.size, Image.Resampling.BILINEAR)
+    mask = Image.fromarray((away > level(away)).astype(np.float32)).resize(photo.size, Image.Resampling.BILINEAR)
     out: Array = np.asarray(mask) > 0.5
     return out
 
@@ -46,13 +50,22 @@ def distance(photo: Photo) -> Array:
     """
     values = _opponent(small(photo).astype(np.float64))
     border = values[ring(*values.shape[:2])]
-    means, of = kmeans2(border, min(GROUNDS, len(border)), minit="++", rng=0)
+    means, of = kmeans2(border, min(GROUNDS, len(np.unique(border, axis=0))), minit="++", rng=0)
     spread = np.sqrt(np.mean((border - means[of]) ** 2)) + 2.0
     away = np.full(values.shape[:2], np.inf)
-    for k in np.unique(of):
+    for k in np.flatnonzero(np.bincount(of) >= RARE * len(of)):
         away = np.minimum(away, np.linalg.norm(values - means[k], axis=2))
     out: Array = away / spread
     return out
+
+
+def level(away: Array) -> float:
+    """The distance, of those in `away` (h, w), from which on a pixel is no ground.
+
+    It is that of nearly all of the border and a little more, but at most Otsu's threshold: of a busy ground.
+    """
+    noise = float(np.quantile(away[ring(*away.shape)], 0.9))
+    return min(threshold(away), max(NOISE * noise, 3.0))
 
 
 def _opponent(rgb: Array) -> Array:
@@ -62,7 +75,12 @@ def _opponent(rgb: Array) -> Array:
 
 
 def threshold(values: Array) -> float:
-    """The value that parts `values`, of any shape, into the two classes of least variance (Otsu 1979)."""
+    """The value that parts `values`, of any shape, into the two classes of least variance (Otsu 1979).
+
+    Where several do, as in a gap, it is the middle one; where all values are equal, none is above it.
+    """
+    if np.ptp(values) == 0:
+        return float(values.max())
     top = np.quantile(values, 0.995)
     counts, edges = np.histogram(np.minimum(values, top), GREYS)
     centres = (edges[1:] + edges[:-1]) / 2
@@ -71,4 +89,5 @@ def threshold(values: Array) -> float:
     sums = np.cumsum(counts * centres)
     with np.errstate(divide="ignore", invalid="ignore"):
         between = below * above * (sums / below - (sums[-1] - sums) / above) ** 2
-    return float(edges[1:][np.nanargmax(between)])
+    best = between >= np.nanmax(between) * (1 - 1e-9)
+    return float(edges[1:][best].mean())

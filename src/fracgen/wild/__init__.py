@@ -1,0 +1,1 @@
+"""Photos of objects in the wild, pulled by the simulator and by the generator, side by side."""
