@@ -9,9 +9,9 @@ from playwright.sync_api import sync_playwright
 
 from fracgen.annotation.app import Settings
 from tests.annotate import browser
-from tests.annotate.photos import photo
 
 FILE = Path("docs/img/annotate.png")
+PHOTO = Path("docs/photos/roll.jpg")
 COLOURS = 256
 """A palette keeps the file small."""
 WAIT = 600_000
@@ -19,13 +19,13 @@ WAIT = 600_000
 
 
 def main() -> None:
-    """Draw a loaf, pull it at 15 degrees, wait for the simulation, show the moment after the break."""
+    """Pull the roll at 15 degrees, wait for the simulation, show the middle of its film."""
     if not FILE.parent.is_dir():
         sys.exit("error: run this at the top of a checkout, where docs/img is.")
     with TemporaryDirectory() as name, browser.served(Settings()) as address, sync_playwright() as play:
         chromium = play.chromium.launch(executable_path=browser.chromium(), args=["--no-sandbox"])
         tab = browser.Watched(chromium.new_context(viewport={"width": 1280, "height": 800}), address)
-        tab.open(photo(Path(name) / "loaf.png", 1280, 960))
+        tab.open(PHOTO)
         tab.page.fill("#degrees", "15")
         tab.page.click("#simulate .start")
         tab.page.wait_for_selector("#simulate-film video, #simulate .note.bad", timeout=WAIT)

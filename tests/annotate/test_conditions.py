@@ -17,7 +17,7 @@ from fracgen.annotation.preview import Size
 from fracsim.scene import condition as condition_file
 from fracsim.scene.condition import Condition
 from fracsim.scene.program import compose
-from tests.annotate.photos import photo
+from tests.annotate.photos import CENTRE, photo
 from tests.annotate.serving import Tab, served, text
 
 SCHEMA = Path(__file__).parents[2] / "docs" / "condition.schema.json"
@@ -139,6 +139,18 @@ def test_a_folder_is_paged_through_and_saving_writes_one_file_beside_an_image(tm
         for index in (2, -1, 10**30):
             assert tab.request("POST", f"open/{index}").status_code == 404
         assert tab.request("POST", "open/..%2f..%2fetc%2fpasswd").status_code in (404, 422)
+
+
+def test_a_cut_out_beside_an_image_is_used_and_is_no_image_itself(tmp_path: Path) -> None:
+    photo(tmp_path / "a.png")
+    mask = Image.new("L", (320, 240))
+    mask.paste(255, (80, 60, 240, 120))
+    mask.save(tmp_path / "a.mask.png")
+    with served(album=album.opened(str(tmp_path))) as client:
+        tab = Tab(client)
+        assert [image["name"] for image in client.get("/setup").json()["images"]] == ["a.png"]
+        assert tab.request("POST", "open/0").json()["object"]["centre"] == pytest.approx([0.5, 0.375], abs=0.005)
+        assert tab.request("POST", "mask/again").json()["object"]["centre"] == pytest.approx(CENTRE, abs=0.01)
 
 
 def test_a_broken_image_of_a_folder_does_not_stop_the_others(tmp_path: Path) -> None:

@@ -7,8 +7,10 @@ from pathlib import Path
 from fracsim.scene import condition
 from fracsim.scene.condition import Condition
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff", ".heic", ".heif")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff", ".heic", ".heif", ".avif")
 """Files of a folder that count as images."""
+MASK = ".mask.png"
+"""Ending of a cut-out beside an image, which is no image of its own."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,11 @@ class Album:
     def file(self, index: int) -> Path:
         """The condition file of an image."""
         return self.images[index].with_suffix(".json")
+
+    def mask(self, index: int) -> Path | None:
+        """The cut-out beside an image, if there is one."""
+        file = self.images[index].with_suffix(MASK)
+        return file if file.is_file() else None
 
     def saved(self, index: int) -> Condition | None:
         """The condition beside an image, None if there is none; raises ValueError for a file that is no condition."""
@@ -56,9 +63,7 @@ def opened(given: str) -> Album:
         return Album((path,))
     if not path.is_dir():
         raise ValueError(f"{given} is neither an image nor a folder: give the path of one, or nothing.")
-    images = tuple(
-        sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.name[0] != "." and p.is_file())
-    )
+    images = tuple(sorted(p for p in path.iterdir() if _is_image(p)))
     if not images:
         raise ValueError(f"{given} holds no image: put files into it that end with {', '.join(SUFFIXES)}.")
     names: dict[str, Path] = {}
@@ -68,3 +73,9 @@ def opened(given: str) -> Album:
             raise ValueError(f"{given}: {other.name} and {image.name} would share the condition file "
                              f"{image.stem}.json: rename one of them.")  # fmt: skip
     return Album(images)
+
+
+def _is_image(path: Path) -> bool:
+    """Whether a file counts as an image."""
+    hidden = path.name.startswith(".") or path.name.lower().endswith(MASK)
+    return path.suffix.lower() in SUFFIXES and not hidden and path.is_file()

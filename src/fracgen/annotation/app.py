@@ -122,10 +122,11 @@ def favicon() -> Response:
 
 @site.get("/setup")
 def setup(place: Shared) -> dict[str, Any]:
-    """What the page is made of: presets, ranges, the model's size, the images of the album."""
+    """What the page is made of: presets, the default pull, ranges, the model's size, the images of the album."""
     s = place.settings
     return {
         "presets": presets.presets(),
+        "pull": presets.pull(),
         "ranges": presets.ranges(),
         "size": {"frames": s.size.frames, "height": s.size.height, "width": s.size.width},
         "no_generator": "" if s.generate else NO_RUN,
@@ -158,7 +159,7 @@ def choose(session: Tab, place: Shared, index: int) -> dict[str, Any]:
     album = place.settings.album
     if not 0 <= index < len(album.images):
         raise UnknownError(f"There is no image {index}.")
-    opened = session.choose(album.images[index], index)
+    opened = session.choose(album.images[index], index, album.mask(index))
     try:
         saved = album.saved(index)
     except ValueError as error:
@@ -175,7 +176,7 @@ def picture(session: Tab) -> FileResponse:
 @tab.get("/mask.png")
 def mask(session: Tab) -> FileResponse:
     """The cut-out, white on the object, in the size of the picture."""
-    return FileResponse(session.picture.mask, filename="mask.png")
+    return FileResponse(session.picture.mask)
 
 
 @tab.put("/mask")

@@ -171,8 +171,10 @@ def _follow(job: Job, process: "subprocess.Popen[str]") -> int:
         if not line.strip():
             continue
         last.append(line.strip())
-        job.text = last[-1]
-        if found := PROGRESS.search(line):
+        found = PROGRESS.search(line)
+        if found or not job.done:  # what comes after the frames is a table
+            job.text = last[-1]
+        if found:
             job.done = min(1.0, int(found[1]) / max(1, int(found[2])))
     code = process.wait()
     job.text = _told(last, code)

@@ -8,6 +8,7 @@ from fracsim.scene.classes import class_of
 from fracsim.scene.condition import Condition
 from fracsim.scene.knob import describe
 from fracsim.scene.program import SIMULATE
+from fracsim.scene.vocab import Asset, Loading
 
 PRESETS = (
     ("Bread, tears early", "bread", "bread"),
@@ -28,6 +29,12 @@ def _preset(name: str, material: str, fracture: str) -> dict[str, Any]:
     scene = SIMULATE.compose(f"material={material}", f"fracture={fracture}")
     m, f = scene.material, scene.fracture
     return {"name": name, "category": class_of(m.law), "E": m.E, "nu": m.nu, "onset": f.onset, "crit": f.crit}
+
+
+def pull() -> dict[str, float]:
+    """The default distance of a grip from the object's centre, in the object's extents, and its speed, a second."""
+    size, loading = Asset().size, Loading()
+    return {"offset": loading.offset / size, "speed": loading.speed / size}
 
 
 def ranges() -> dict[str, dict[str, Any]]:

@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -87,10 +88,13 @@ class Session:
                     _file(photo).save(path, compress_level=1)
             finally:
                 given.unlink()
-            return self._open(path, folder, None, photo)
+            return self._open(path, folder, None, photo, self.cut)
 
-    def choose(self, path: Path, index: int) -> dict[str, Any]:
-        """Open an image of the album; raises ValueError for a file that is no picture, or too large."""
+    def choose(self, path: Path, index: int, mask: Path | None = None) -> dict[str, Any]:
+        """Open an image of the album, with the cut-out in a file if there is one.
+
+        Raises ValueError for an image that is no picture, or too large.
+        """
         try:
             uploads.check_picture(path.read_bytes())
         except OSError as error:
@@ -98,7 +102,8 @@ class Session:
         with self.lock:
             with uploads.DECODING:
                 photo = _load(path, path.name)
-            return self._open(path, self._new_folder(), index, photo)
+            find = self.cut if mask is None else partial(cutting.of_file, str(mask))
+            return self._open(path, self._new_folder(), index, photo, find)
 
     def paint(self, content: bytes) -> dict[str, Any]:
         """Take a cut-out that was painted, a PNG that is white on the object; what the page needs to know of it.
@@ -120,7 +125,7 @@ class Session:
         """Forget what was painted, and find the object in the picture again."""
         with self.lock:
             there = self.picture
-            return self._cut(there, _load(there.path, there.path.name))
+            return self._cut(there, _load(there.path, there.path.name), self.cut)
 
     def cutout(self, note: str = "") -> dict[str, Any]:
         """Where the object is, in widths and heights of the picture; None and a note where there is none."""
@@ -141,20 +146,20 @@ class Session:
         folder.mkdir(parents=True)
         return folder
 
-    def _open(self, path: Path, folder: Path, index: int | None, photo: Photo) -> dict[str, Any]:
+    def _open(self, path: Path, folder: Path, index: int | None, photo: Photo, find: Cut) -> dict[str, Any]:
         """Work on a picture from now on; all that the page needs to know of it."""
         shown = _on_white(photo)
         shown.thumbnail((SHOWN, SHOWN), Image.Resampling.LANCZOS)
         shown.save(folder / "shown.jpg", quality=90)
         opened = Opened(self._count, path, folder, index, photo.size, shown.size)
-        cutout = self._cut(opened, photo)
+        cutout = self._cut(opened, photo, find)
         return {"number": opened.number, "index": index, "size": opened.size, "shown": opened.shown, **cutout}
 
-    def _cut(self, there: Opened, photo: Photo) -> dict[str, Any]:
+    def _cut(self, there: Opened, photo: Photo, find: Cut) -> dict[str, Any]:
         """Find the object, or nothing, and open the picture with it."""
         try:
             with uploads.DECODING:
-                mask, note = self.cut(photo), ""
+                mask, note = find(photo), ""
         except ValueError as error:
             mask, note = np.zeros((photo.size[1], photo.size[0]), bool), f"No object was found, paint it: {error}"
         Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(there.mask, compress_level=1)

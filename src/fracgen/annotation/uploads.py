@@ -15,7 +15,7 @@ JSON_BYTES = 64 * 2**10
 """Largest JSON."""
 PIXELS = 64_000_000
 """Largest picture: more than cameras of phones give."""
-FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "MPO", "HEIF")
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "MPO", "HEIF", "AVIF")
 """Formats that are read. Pillow knows more, among them some that start other programs."""
 DECODING = RLock()
 """One picture is decoded and cut out at a time, so that many cannot fill the memory."""

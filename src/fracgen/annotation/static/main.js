@@ -39,7 +39,9 @@ function drawActions() {
   const link = byId("export");
   if (wrong) link.removeAttribute("href");
   else link.href = api.url("condition.json", { condition: JSON.stringify(state.condition) });
-  link.setAttribute("download", `${state.opened.name.replace(/\.[^.]*$/, "")}.json`);
+  const stem = state.opened.name.replace(/\.[^.]*$/, "");
+  link.setAttribute("download", `${stem}.json`);
+  byId("keep").setAttribute("download", `${stem}.mask.png`);
   link.setAttribute("aria-disabled", String(Boolean(wrong)));
   byId("keep").href = api.url("mask.png");
   byId("import").disabled = false;

@@ -2,11 +2,8 @@
 
 import * as geometry from "./geometry.js";
 
-const OFFSET = 0.25; // of the object's extent: the default distance of a grip from the centre
-const SPEED = 2.4; // offsets a second: such a pull tears bread and rubber within the clip
-
 export const state = {
-  setup: null, // presets, ranges, size of the model, images
+  setup: null, // presets, default pull, ranges, size of the model, images
   opened: null, // number, index, size, shown, object, name
   box: null, // where the model's picture lies in this one
   fit: "fit",
@@ -68,13 +65,13 @@ export function moveGrips(two, speed = geometry.speed(velocity())) {
 }
 
 export function fresh() {
-  const half = OFFSET * extent();
-  const two = geometry.mirrored(centre(), 0, half);
+  const { offset, speed } = state.setup.pull;
+  const two = geometry.mirrored(centre(), 0, offset * extent());
   const { name, ...material } = state.setup.presets[0];
   return {
     ...material,
     grips: geometry.toFractions(two, size()),
-    velocity: geometry.toFractions(geometry.parting(two, SPEED * half), size()),
+    velocity: geometry.toFractions(geometry.parting(two, speed * extent()), size()),
     fps: 100,
     caption: "",
   };
