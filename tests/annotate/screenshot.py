@@ -19,7 +19,7 @@ WAIT = 600_000
 
 
 def main() -> None:
-    """Pull the roll at 15 degrees, wait for the simulation, show the middle of its film."""
+    """Pull the roll at 15 degrees, wait for the simulation, show the moment after the break."""
     if not FILE.parent.is_dir():
         sys.exit("error: run this at the top of a checkout, where docs/img is.")
     with TemporaryDirectory() as name, browser.served(Settings()) as address, sync_playwright() as play:
@@ -36,7 +36,7 @@ def main() -> None:
           film.pause();
           await new Promise((done) => {
             film.onseeked = done;
-            film.currentTime = 0.5 * film.duration;
+            film.currentTime = 0.27 * film.duration;
           });
         }""")
         shot = Path(name) / "shot.png"

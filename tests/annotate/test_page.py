@@ -132,6 +132,7 @@ def test_grips_are_mirrored_snap_and_are_free_on_request(tab: Watched, place: Pa
 
 def test_numbers_and_handles_stay_tied(tab: Watched, place: Path) -> None:
     tab.open(place / "loaf.png")
+    tab.page.fill("#speed", "0.2")
     tab.page.fill("#degrees", "90")
     x1, y1, x2, y2 = tab.values(*FIELDS)
     assert x1 == pytest.approx(x2, abs=0.002)

@@ -11,7 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 from PIL import Image
 
-from fracgen.annotation import uploads
+from fracgen.annotation import sessions, uploads
 from fracgen.sampling import picture
 from tests.annotate.photos import CENTRE, RADII, photo
 from tests.annotate.serving import Tab, served
@@ -149,6 +149,15 @@ def test_two_tabs_share_nothing(client: TestClient, loaf: Path, tmp_path: Path) 
     one.request("POST", "end")
     assert one.get("picture.jpg").status_code == 404
     assert other.get("picture.jpg").status_code == 200
+
+
+def test_the_tab_that_was_silent_longest_makes_room(loaf: Path) -> None:
+    with served() as client:
+        tabs = [Tab(client) for _ in range(sessions.MOST)]
+        tabs[0].upload(loaf)
+        Tab(client)
+        assert [tab.get("picture.jpg").json()["error"][:15] for tab in tabs[1:2]] == ["This page is no"]
+        assert tabs[0].get("picture.jpg").status_code == 200
 
 
 @pytest.mark.parametrize("fit", ["fit", "crop"])

@@ -122,11 +122,12 @@ def favicon() -> Response:
 
 @site.get("/setup")
 def setup(place: Shared) -> dict[str, Any]:
-    """What the page is made of: presets, the default pull, ranges, the model's size, the images of the album."""
+    """What the page is made of: presets, the default pull, ranges, caps, the model's size, the images."""
     s = place.settings
     return {
         "presets": presets.presets(),
         "pull": presets.pull(),
+        "bytes": uploads.PICTURE_BYTES,
         "ranges": presets.ranges(),
         "size": {"frames": s.size.frames, "height": s.size.height, "width": s.size.width},
         "no_generator": "" if s.generate else NO_RUN,
@@ -199,10 +200,10 @@ def reference(session: Tab, place: Shared, fit: Fit) -> Response:
 
 
 @tab.get("/force.png")
-def force(session: Tab, place: Shared, condition: str, fit: Fit, loops: int = 0) -> Response:
-    """The loading as the model sees it, shown `loops` times, or without end."""
+def force(session: Tab, place: Shared, condition: str, fit: Fit, once: bool = False) -> Response:
+    """The loading as the model sees it, shown once or without end."""
     frames = preview.force(_condition(condition), session.picture.size, place.settings.size, fit)
-    return Response(preview.animation(frames, loops), media_type="image/png")
+    return Response(preview.animation(frames, once), media_type="image/png")
 
 
 @tab.get("/box")

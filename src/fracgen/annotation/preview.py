@@ -64,11 +64,11 @@ def force_size(size: Size) -> tuple[int, int]:
     return max(1, round(size.width * factor)), max(1, round(size.height * factor))
 
 
-def animation(frames: Array, loops: int = 0) -> bytes:
-    """An animated PNG of grey pictures (F, h, w) uint8, shown `loops` times; 0 = without end."""
+def animation(frames: Array, once: bool = False) -> bytes:
+    """An animated PNG of grey pictures (F, h, w) uint8, shown once or without end."""
     first, *rest = (Image.fromarray(frame) for frame in frames)
     out = io.BytesIO()
-    first.save(out, "PNG", save_all=True, append_images=rest, duration=1000 * SECONDS / len(frames), loop=loops)
+    first.save(out, "PNG", save_all=True, append_images=rest, duration=1000 * SECONDS / len(frames), loop=int(once))
     return out.getvalue()
 
 

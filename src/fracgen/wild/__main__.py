@@ -32,7 +32,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--run", type=Path, metavar="FOLDER", help="a training: generate the clips too")
     parser.add_argument("--generator", default="", metavar="OVERRIDES",
                         help="for `python -m fracgen.sample`, as 'vae=tiny encoders=tiny'")  # fmt: skip
-    options = parser.parse_args(argv)
+    options = parser.parse_intermixed_args(argv)  # FIELD=VALUE also behind options
     for override in options.overrides:
         if "=" not in override:
             parser.error(f"{override} is no FIELD=VALUE for the simulation, as quality=preview.")

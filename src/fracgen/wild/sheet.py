@@ -18,7 +18,6 @@ CELL = 160
 TIMES = (0.0, 0.15, 0.3, 0.6)
 """Frames that are shown in colour, in lengths of the clip; the maps are those of the last but one."""
 LABEL = 16
-COLOURS = 255
 
 
 class Row(NamedTuple):
@@ -35,7 +34,7 @@ def sheet(rows: Sequence[Row], path: Path) -> Path:
     width = max(band.shape[1] for band in bands)
     even = [np.pad(b, ((0, 0), (0, width - b.shape[1]), (0, 0)), constant_values=255) for b in bands]
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.concatenate(even)).quantize(COLOURS).save(path, optimize=True)
+    Image.fromarray(np.concatenate(even)).save(path, optimize=True)
     return path
 
 

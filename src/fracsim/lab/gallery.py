@@ -18,6 +18,10 @@ SHOTS = {
     "strip_late": ("asset=duck", "fracture=rubber_late", "loading.axis_deg=15"),
 }
 """The same pull on the same object, with the earlier and the later thresholds of the paper."""
+PHOTO = ("asset=image", "asset.path=docs/photos/bear.jpg", "condition=docs/photos/bear.json", "quality=preview",
+         "camera.background=photo", "camera.width=320", "camera.height=320", "capture.frames=50",
+         "output.folder=outputs/gallery")  # fmt: skip
+"""A photo, torn in front of its ground."""
 COMMON = ("camera.half_width=0.75", "capture.frames=50", "output.folder=outputs/gallery")
 
 
@@ -56,12 +60,13 @@ def sheet(paths: list[Path], path: Path, columns: int = 5) -> None:
 
 
 def main() -> None:
-    """Make docs/img/strip.webp and docs/img/objects.png."""
+    """Make docs/img/strip.webp, objects.png and photo.webp."""
     if not Path("pyproject.toml").exists():
         sys.exit("error: run this at the top of a checkout, where docs/img is.")
     IMG.mkdir(parents=True, exist_ok=True)
     animate([panels(film(*shot)) for shot in SHOTS.values()], IMG / "strip.webp")
     zoom = ("camera.width=256", "camera.height=256", "loading.speed=0.8", "solver.cells=100", "capture.maps=[damage]")
+    animate([panels(pipeline.run(compose(*PHOTO)).sample().path)], IMG / "photo.webp")
     sheet([film(f"asset={name}", *zoom) for name in OBJECTS], IMG / "objects.png")
 
 

@@ -116,8 +116,10 @@ function turnTo(index) {
 }
 
 async function openFile(file) {
+  const most = state.setup.bytes;
+  if (file.size > most) return complain(`${file.name} has more than ${most / 2 ** 20} MiB: make it smaller.`);
   const opened = await attempt(() => api.put("picture", file), "Finding the object…");
-  if (opened) await show({ ...opened, name: file.name }, null);
+  return opened && show({ ...opened, name: file.name }, null);
 }
 
 async function openImage(index) {

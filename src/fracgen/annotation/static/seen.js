@@ -12,8 +12,8 @@ async function show() {
   if (!state.condition) return;
   if (problem()) return note(byId("material-note"), problem(), "bad");
   const query = { condition: JSON.stringify(state.condition) };
-  const loops = matchMedia("(prefers-reduced-motion: reduce)").matches ? 1 : 0;
-  byId("force").src = api.url("force.png", { ...query, fit: state.fit, loops });
+  const once = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  byId("force").src = api.url("force.png", { ...query, fit: state.fit, once });
   byId("force").hidden = false;
   const mine = (shown += 1);
   const found = await api.get("numbers", query).catch((error) => ({ error: error.message }));

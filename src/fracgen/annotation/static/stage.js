@@ -6,6 +6,7 @@ import { centre, changed, duration, grips, moveGrips, size, state, velocity } fr
 
 const NUDGE = 0.0025; // of the picture's width
 const FAR = 5;
+const RIM = 6; // of the stage, which arrows leave free [px]
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export function connect() {
@@ -91,7 +92,12 @@ function drawGrips() {
   const ends = velocity().map((v, k) => [two[k][0] + v[0] * duration(), two[k][1] + v[1] * duration()]);
   setLine(byId("axis"), ...two.map(onPaper));
   const lines = byId("arrows").children;
-  [0, 1, 2, 3].forEach((k) => setLine(lines[k], onPaper(two[k % 2]), onPaper(ends[k % 2])));
+  [0, 1, 2, 3].forEach((k) => {
+    const [from, to] = [onPaper(two[k % 2]), onPaper(ends[k % 2])];
+    const part = partInside(from, to);
+    setLine(lines[k], from, [from[0] + part * (to[0] - from[0]), from[1] + part * (to[1] - from[1])]);
+    lines[k].classList.toggle("beyond", part < 1);
+  });
   const [x, y] = onPaper(centre());
   byId("centre").setAttribute("cx", x);
   byId("centre").setAttribute("cy", y);
@@ -101,6 +107,18 @@ function drawGrips() {
     handle.style.top = `${top}%`;
     handle.setAttribute("aria-label", `Grip ${k + 1}: ${left.toFixed(1)} % from the left, ${top.toFixed(1)} % from the top`);
   });
+}
+
+// The part of a way on the paper that the stage shows, so that an arrow that is longer still has its head.
+function partInside(from, to) {
+  const [stage, paper] = [byId("stage").getBoundingClientRect(), byId("paper").getBoundingClientRect()];
+  const low = [stage.left - paper.left + RIM, stage.top - paper.top + RIM];
+  const high = [stage.right - paper.left - RIM, stage.bottom - paper.top - RIM];
+  const parts = [0, 1].map((k) => {
+    const way = to[k] - from[k];
+    return way === 0 ? 1 : ((way > 0 ? high[k] : low[k]) - from[k]) / way;
+  });
+  return Math.max(0, Math.min(1, ...parts));
 }
 
 function setLine(line, [x1, y1], [x2, y2]) {
