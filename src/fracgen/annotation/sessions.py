@@ -215,7 +215,7 @@ class Sessions:
             session = Session(self._folder / secrets.token_hex(8), self._cut)
             session.folder.mkdir(parents=True)
             self._open[session.token] = session
-            silent = sorted(self._open.values(), key=lambda s: s.heard)[: len(self._open) - MOST]
+            silent = sorted(self._open.values(), key=lambda s: s.heard)[: max(0, len(self._open) - MOST)]
         for old in silent:
             self.end(old.token)
         return session
