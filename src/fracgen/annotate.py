@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from fracsim.entry import BAD, Interrupt, complain
 
 if TYPE_CHECKING:  # an extra
-    from fracgen.annotation import app
+    from fracgen.annotation.place import Settings
 
 HOST = "127.0.0.1"
 PORT = 8765
@@ -82,14 +82,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _settings(options: argparse.Namespace) -> "app.Settings":
+def _settings(options: argparse.Namespace) -> "Settings":
     """What the page works with; raises ValueError for a path that cannot be used."""
-    from fracgen.annotation import album, app, checkpoint, commands
+    from fracgen.annotation import album, checkpoint, commands
+    from fracgen.annotation.place import Settings
 
     images = album.opened(options.images)
     if not options.run:
-        return app.Settings(images)
-    return app.Settings(images, checkpoint.size(options.run),
+        return Settings(images)
+    return Settings(images, checkpoint.size(options.run),
                         generate=commands.Generate(options.run, tuple(options.overrides)))  # fmt: skip
 
 

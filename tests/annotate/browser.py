@@ -14,7 +14,8 @@ import pytest
 import uvicorn
 
 from fracgen.annotate import HOST, listening
-from fracgen.annotation.app import Settings, create
+from fracgen.annotation.app import create
+from fracgen.annotation.place import Settings
 from fracsim.sample.video import Encoder
 
 CONTRAST = """() => {

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from fracgen.annotation.app import Settings
+from fracgen.annotation.place import Settings
 from tests.annotate import browser
 
 FILE = Path("docs/img/annotate.png")

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from fastapi.testclient import TestClient
 
-from fracgen.annotation.app import Settings, create
+from fracgen.annotation.app import create
 from fracgen.annotation.commands import Task
+from fracgen.annotation.place import Settings
 from fracsim.photo import Photo
 from fracsim.records import Array
 from fracsim.scene.condition import Condition

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from fracgen.annotation import album
-from fracgen.annotation.app import Settings
+from fracgen.annotation.place import Settings
 from fracsim.scene import condition as condition_file
 from fracsim.scene.condition import Condition
 from tests.annotate import browser
