@@ -120,6 +120,8 @@ def test_grips_are_mirrored_snap_and_are_free_on_request(tab: Watched, place: Pa
     assert (x1, y1) == pytest.approx((0.3, 0.4), abs=0.004)  # a pixel of the screen
     assert (x2, y2) == pytest.approx((2 * cx - x1, 2 * cy - y1), abs=0.002)  # three digits are shown
     assert tab.value("degrees") % 15 != 0
+    tab.drag(1, 0.32, 0.42, key="Control")
+    assert tab.value("degrees") % 15 != 0
     tab.drag(1, 0.31, 0.41)
     assert tab.value("degrees") % 15 == 0
     tab.page.uncheck("#mirrored")
@@ -154,6 +156,7 @@ def test_stretches_and_ranges_are_checked_where_one_types(tab: Watched, place: P
     page.fill("#crit", "1.2")
     assert page.get_attribute("#crit", "aria-invalid") == "true"
     tab.until("() => document.getElementById('material-note').textContent.includes('greater than onset')")
+    assert page.inner_text("#seen-crit") == "–"
     assert page.is_disabled("#simulate .start")
     assert page.get_attribute("#export", "href") is None
     page.fill("#crit", "2.5")
@@ -325,14 +328,14 @@ def test_everything_has_a_name_and_contrast(tab: Watched, place: Path) -> None:
     assert poor == []
 
 
-def test_a_dropped_picture_is_opened(tab: Watched, place: Path) -> None:
+def test_a_dropped_picture_is_opened(tab: Watched, tmp_path: Path) -> None:
     data = tab.page.evaluate_handle(
         """async bytes => {
           const data = new DataTransfer();
           data.items.add(new File([new Uint8Array(bytes)], "dropped.png", { type: "image/png" }));
           return data;
         }""",
-        list((place / "loaf.png").read_bytes()),
+        list(photo(tmp_path / "small.png", 64, 48).read_bytes()),
     )
     tab.page.dispatch_event("#stage", "drop", {"dataTransfer": data})
     tab.shown("dropped.png")

@@ -18,7 +18,7 @@ export function complain(text) {
 // Do something that may fail or take a while; errors are shown, and undefined is what it gives then. While it is
 // `busy` with something that is shown, nothing else can be done.
 export async function attempt(action, busy = "") {
-  if (busy && document.body.inert) return undefined;
+  if (busy && document.querySelector("main").inert) return undefined;
   const focused = document.activeElement;
   if (busy) setBusy(busy);
   try {
@@ -37,7 +37,7 @@ export async function attempt(action, busy = "") {
 }
 
 function setBusy(words) {
-  document.body.inert = Boolean(words);
+  for (const part of document.querySelectorAll("header, main")) part.inert = Boolean(words);
   byId("busy").hidden = !words;
   byId("busy").textContent = words;
 }

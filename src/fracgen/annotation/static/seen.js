@@ -10,7 +10,7 @@ export const refresh = later(show, 150);
 
 async function show() {
   if (!state.condition) return;
-  if (problem()) return note(byId("material-note"), problem(), "bad");
+  if (problem()) return showProblem(problem());
   const query = { condition: JSON.stringify(state.condition) };
   const once = matchMedia("(prefers-reduced-motion: reduce)").matches;
   byId("force").src = api.url("force.png", { ...query, fit: state.fit, once });
@@ -18,8 +18,18 @@ async function show() {
   const mine = (shown += 1);
   const found = await api.get("numbers", query).catch((error) => ({ error: error.message }));
   if (mine !== shown) return;
-  if (found.error) note(byId("material-note"), found.error, "bad");
+  if (found.error) showProblem(found.error);
   else showNumbers(found);
+}
+
+// Nothing is seen of what is wrong.
+function showProblem(words) {
+  shown += 1;
+  for (const name of Object.keys(state.setup.ranges)) {
+    byId(`seen-${name}`).textContent = "–";
+    byId(`seen-${name}`).classList.remove("outside");
+  }
+  note(byId("material-note"), words, "bad");
 }
 
 function showNumbers({ numbers, outside }) {

@@ -23,7 +23,7 @@ function grab(event, handle, which) {
   handle.focus();
   const move = (moved) => {
     const about = state.mirrored ? centre() : null;
-    moveGrips(geometry.dragged(grips(), which, pointOf(moved), about, !moved.altKey));
+    moveGrips(geometry.dragged(grips(), which, pointOf(moved), about, !(moved.altKey || moved.ctrlKey)));
   };
   const stop = () => {
     handle.removeEventListener("pointermove", move);
