@@ -2,7 +2,7 @@
 
 import io
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import jsonschema
@@ -71,6 +71,13 @@ def test_the_preview_is_the_force_video_of_training_in_small(fit: str, photo_siz
     found = preview.force(PULL, photo_size, size, fit) / 255
     assert found.shape == (21, 240, 416)
     assert np.abs(found - small[::4]).max() < 0.01 + 0.5 / 255
+
+
+def test_a_clip_has_the_frame_rate_of_its_run() -> None:
+    """As `fracgen.sample` has it, whatever rate the condition file names."""
+    found = preview.force(PULL, (64, 48), Size(9, 48, 64, fps=100.0), "fit")
+    assert np.array_equal(found, preview.force(replace(PULL, fps=100.0), (64, 48), Size(9, 48, 64), "fit"))
+    assert not np.array_equal(found, preview.force(PULL, (64, 48), Size(9, 48, 64), "fit"))
 
 
 def test_the_animation_holds_these_frames() -> None:
@@ -206,5 +213,5 @@ def test_the_page_names_what_it_is_made_of() -> None:
     with served() as client:
         assert isinstance(client, TestClient)
         setup = client.get("/setup").json()
-        assert setup["size"] == {"frames": 81, "height": 480, "width": 832}
+        assert setup["size"] == {"frames": 81, "height": 480, "width": 832, "fps": 0}
         assert "--run" in setup["no_generator"]

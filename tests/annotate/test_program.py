@@ -95,7 +95,7 @@ def test_the_generator_is_started_with_a_real_checkpoint(tmp_path: Path) -> None
     from tests.gen import sampling_run as small
 
     run = small.write_run(tmp_path / "run")
-    assert checkpoint.size(str(run)) == Size(small.FRAMES, small.HEIGHT, small.WIDTH)
+    assert checkpoint.size(str(run)) == Size(small.FRAMES, small.HEIGHT, small.WIDTH, 100.0)
     vae = ["vae=tiny", "vae.kind=wan", f"vae.base_dim={small.VAE.base_dim}", "vae.dim_mult=[1,1,1,1]",
            f"vae.res_blocks={small.VAE.res_blocks}"]  # fmt: skip
     overrides = (*vae, "encoders=tiny", "sampler=preview", "sampler.steps=2")

@@ -24,7 +24,7 @@ def size(run: str) -> Size:
         raise ValueError(f"--run {run} has no {FILE}: give the folder of a finished training, as runs/stage3-ID.")
     cache = _about(file).get("cache") or {}
     try:
-        return Size(int(cache["frames"]), int(cache["height"]), int(cache["width"]))
+        return Size(int(cache["frames"]), int(cache["height"]), int(cache["width"]), float(cache["fps"]))
     except (KeyError, TypeError, ValueError):
         raise ValueError(f"--run {run} does not say how large its clips are: give a run of this version.") from None
 

@@ -2,7 +2,7 @@
 
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ class Size:
     frames: int = 81
     height: int = 480
     width: int = 832
+    fps: float = 0.0
+    """Frames a second of simulated time, whatever rate a condition has; 0 = that of the condition."""
 
 
 def numbers(condition: Condition) -> dict[str, Any]:
@@ -52,7 +54,8 @@ def force(condition: Condition, photo: tuple[int, int], size: Size, fit: str) ->
     shown = force_size(size)
     at = picture.place(photo, size.width, size.height, fit)
     corner, extent = (at.left / size.width, at.top / size.height), (at.width / size.width, at.height / size.height)
-    paths = picture.moved(condition, corner, extent).paths(size.frames, *shown)
+    timed = replace(condition, fps=size.fps or condition.fps)
+    paths = picture.moved(timed, corner, extent).paths(size.frames, *shown)
     chosen = np.round(np.linspace(0, size.frames - 1, min(SHOWN, size.frames))).astype(int)
     video = conditioning.blobs(paths[chosen], *shown)
     return np.asarray(np.rint(255 * video[..., 0]), np.uint8)

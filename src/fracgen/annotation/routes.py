@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -44,7 +45,7 @@ def setup(place: Shared) -> dict[str, Any]:
         "pull": presets.pull(),
         "bytes": uploads.PICTURE_BYTES,
         "ranges": presets.ranges(),
-        "size": {"frames": s.size.frames, "height": s.size.height, "width": s.size.width},
+        "size": asdict(s.size),
         "no_generator": "" if s.generate else NO_RUN,
         "images": [{"name": path.name, "saved": s.album.file(i).exists()} for i, path in enumerate(s.album.images)],
     }

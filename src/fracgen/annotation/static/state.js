@@ -53,7 +53,8 @@ export function velocity() {
 
 // Seconds of simulated time of a clip.
 export function duration() {
-  return (state.setup.size.frames - 1) / state.condition.fps;
+  const { frames, fps } = state.setup.size;
+  return (frames - 1) / (fps || state.condition.fps);
 }
 
 // Move the grips, at the speed that they have, along the line through them.
