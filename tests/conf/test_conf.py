@@ -23,6 +23,9 @@ def name(file: Path) -> str:
     return f"{file.parent.name}={file.stem}"
 
 
+OF_FILES = ("asset=mesh", "asset=ply", "asset=image")
+
+
 def keys(file: Path) -> set[str]:
     """The fields that a file sets, as section.field."""
     content: Any = OmegaConf.to_container(OmegaConf.load(file), resolve=False)
@@ -34,8 +37,8 @@ def keys(file: Path) -> set[str]:
 
 
 def choice(file: Path) -> list[str]:
-    """What a user types for a file; meshes and splats need a path."""
-    return [name(file)] + ["asset.path=FILE"] * (name(file) in ("asset=mesh", "asset=ply"))
+    """What a user types for a file; objects from files need a path."""
+    return [name(file)] + ["asset.path=FILE"] * (name(file) in OF_FILES)
 
 
 @pytest.mark.parametrize("file", FILES, ids=name)
@@ -46,7 +49,7 @@ def test_every_file_composes_and_has_its_way(file: Path) -> None:
     for key in keys(file):
         written = OmegaConf.select(content, key if "@package _global_" in file.read_text() else key.partition(".")[2])
         used_up = key.startswith("space.")  # by the draw; see test_space.py
-        assert used_up or OmegaConf.select(scene, key) == written or name(file) in ("asset=mesh", "asset=ply")
+        assert used_up or OmegaConf.select(scene, key) == written or name(file) in OF_FILES
 
 
 @pytest.mark.parametrize("file", FILES, ids=name)
@@ -61,15 +64,17 @@ def test_every_file_says_what_it_is(file: Path) -> None:
 
 
 def test_a_group_is_a_field_of_the_scene_and_is_chosen_by_default() -> None:
-    """One folder for each section that has choices; `seed` and `output` are single values; a draw uses up `space`."""
+    """One folder for each section that has choices; a draw uses up `space`. The others are single values."""
+    single = ("seed", "condition", "output")
     assert all(SIMULATE.groups.values())
-    assert {f.name for f in fields(Scene)} == {*SIMULATE.groups, "seed", "output"} - {"space"}
-    assert {f.name for f in fields(SIMULATE.config)} == {*SIMULATE.groups, "seed", "output", "draw", "logger"}
+    assert {f.name for f in fields(Scene)} == {*SIMULATE.groups, *single} - {"space"}
+    assert {f.name for f in fields(SIMULATE.config)} == {*SIMULATE.groups, *single, "draw", "logger"}
 
 
 def test_every_field_is_typed_documented_and_bounded() -> None:
     """Numbers have a range, or a kind of their own; words have choices unless they are names, paths or plug-ins."""
-    free = {"quality", "asset.path", "asset.interior", "output.folder", "space.materials", "space.loadings"}
+    free = {"quality", "condition", "asset.path", "asset.mask", "asset.interior", "output.folder", "space.materials",
+            "space.loadings"}  # fmt: skip
     for field, default, knob in describe(SIMULATE.config):
         assert len(knob.doc) > 5, field
         assert knob.allowed() or field in free or isinstance(default, bool), field
@@ -85,7 +90,7 @@ def test_every_law_has_a_file_that_names_it(package: str, group: str) -> None:
 
 def test_every_built_in_object_and_map_can_be_chosen() -> None:
     """One file and one YAML for each object; the default scene records all maps."""
-    assert set(SIMULATE.groups["asset"]) == {*OBJECTS, "mesh", "ply"}
+    assert set(SIMULATE.groups["asset"]) == {*OBJECTS, "mesh", "ply", "image"}
     assert set(compose().capture.maps) <= set(registry.names("fracsim.maps"))
 
 

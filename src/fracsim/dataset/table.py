@@ -57,7 +57,7 @@ PINNED = pinned_defaults(Scene)
 COLUMNS = (
     Column("id", TEXT, "hash of the scene, and name of its sample"),
     Column("object", TEXT, "name of the built-in object, or of the file of a mesh or splats"),
-    Column("asset_kind", TEXT, "builtin, mesh or ply; null = made by another producer than fracsim"),
+    Column("asset_kind", TEXT, "builtin, mesh, ply or image; null = made by another producer than fracsim"),
     Column("class", TEXT, "low_stretch, high_stretch or none"),
     Column("split", TEXT, "train, test or none: a split has objects of its own"),
     *(Column(f"{name}_file_name", TEXT, f"video of {name}; null = not recorded") for name in VIDEOS),
@@ -148,7 +148,7 @@ def _values(folder: Path, meta: Mapping[str, Any]) -> dict[str, Any]:
 
 def _object(folder: Path, meta: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     """The name of the object; the content of a sample knows a file by its hash only, so that the scene is asked."""
-    if values["asset.kind"] in ("mesh", "ply"):
+    if values["asset.kind"] not in ("builtin", None):
         return Path(schema.load_document(folder / meta["document"])["asset"]["path"]).stem
     return str(values["asset.name"] or "object")
 

@@ -27,7 +27,7 @@ QUALITY = 92
 
 
 def wood(P: Array) -> Array:
-    """A board: rings that are cut lengthwise."""
+    """A board, rings that are cut lengthwise: colours (3, N) at points (3, N) of the table."""
     x, y = P[0], P[1]
     grain = np.sin(60 * (y + 0.25 * noise.fractal(np.stack([0.4 * x, 2 * y, P[2]]), 3, 1)))
     fibre = noise.fractal(np.stack([3 * x, 60 * y, P[2]]), 1, 2)
@@ -36,7 +36,7 @@ def wood(P: Array) -> Array:
 
 
 def linen(P: Array) -> Array:
-    """A grey-blue cloth with its weave and a few folds."""
+    """A grey-blue cloth with its weave and a few folds: colours (3, N) at points (3, N)."""
     weave = 0.03 * (np.sin(260 * P[0]) + np.sin(260 * P[1]))
     fold = 0.10 * noise.fractal(P, 2.2, 3)
     shade = 0.62 + weave + fold + 0.04 * noise.value(P, 90, 4)
@@ -44,20 +44,20 @@ def linen(P: Array) -> Array:
 
 
 def marble(P: Array) -> Array:
-    """White stone with grey veins."""
+    """White stone with grey veins: colours (3, N) at points (3, N)."""
     vein = np.abs(noise.fractal(P, 2.5, 5, octaves=5))
     shade = 0.92 - 0.35 * np.exp(-((vein / 0.05) ** 2)) + 0.03 * noise.fractal(P, 9, 6)
     return np.stack([shade, shade, 1.02 * shade])
 
 
 def slate(P: Array) -> Array:
-    """Dark stone, split and a little dusty."""
+    """Dark stone, split and a little dusty: colours (3, N) at points (3, N)."""
     shade = 0.20 + 0.06 * noise.fractal(P, 5, 7, octaves=5) + 0.03 * noise.value(P, 70, 8)
     return np.stack([0.95 * shade, shade, 1.1 * shade])
 
 
 def sand(P: Array) -> Array:
-    """A beach in the sun."""
+    """A beach in the sun: colours (3, N) at points (3, N)."""
     shade = 0.80 + 0.10 * noise.fractal(P, 4, 9) + 0.07 * noise.value(P, 160, 10) + 0.05 * noise.value(P, 60, 11)
     return np.stack([1.02 * shade, 0.90 * shade, 0.70 * shade])
 

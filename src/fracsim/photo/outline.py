@@ -55,7 +55,7 @@ class Outline:
         return out
 
     def to_photo(self, at: Array) -> Array:
-        """The inverse of `to_plane`."""
+        """Points of the photo [px], (..., 2), of points of the plane, (..., 2): the inverse of `to_plane`."""
         out: Array = np.asarray(at) * (1, -1) * self.extent + self.centre
         return out
 
