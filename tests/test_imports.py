@@ -38,7 +38,10 @@ def test_what_fracgen_uses_needs_no_taichi(module: str) -> None:
     assert not loaded(f"import {module}") & {"taichi", "torch", "trimesh", "hydra", "scipy", "matplotlib", "rich"}
 
 
-@pytest.mark.parametrize("module", ["train", "encode", "sample", "train_vae", "plan", "export", "evaluate", "tables"])
+@pytest.mark.parametrize(
+    "module",
+    ["train", "encode", "sample", "train_vae", "plan", "export", "evaluate", "tables", "annotate", "annotation.app"],
+)
 def test_the_help_of_fracgen_needs_no_torch(module: str) -> None:
     """Nor does an error of the configuration: both take a second."""
     assert not loaded(f"import fracgen.{module}") & {"torch", "lightning", "diffusers", "taichi"}

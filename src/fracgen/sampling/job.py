@@ -17,6 +17,7 @@ from fracgen.sampling import generate, networks, records, trained_run
 from fracgen.sampling.networks import Networks
 from fracgen.sampling.records import Made
 from fracgen.sampling.request import Request, requests
+from fracsim.entry import signs_every
 from fracsim.sample import find
 from fracsim.sample.folder import clear, root
 
@@ -105,12 +106,29 @@ def _device(name: str) -> torch.device:
 
 @contextmanager
 def _progress(total: int, heading: str) -> Iterator[Tick]:
-    """A bar of calls of networks with an estimate of the time left, on the error stream of a terminal."""
+    """A bar of calls of networks with an estimate of the time left; without a terminal, a line now and then."""
+    if not sys.stderr.isatty():
+        yield _lines(total)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(16), MofNCompleteColumn(), TimeRemainingColumn(),
                TextColumn("left"))  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(heading, total=total)
         yield lambda: bar.advance(task)
+
+
+def _lines(total: int) -> Tick:
+    """Counts calls of networks, and says on stderr how many are done."""
+    done, told, every = 0, time.monotonic(), signs_every()
+
+    def tick() -> None:
+        nonlocal done, told
+        done += 1
+        if time.monotonic() - told >= every:
+            told = time.monotonic()
+            print(f"call {done} of {total}", file=sys.stderr, flush=True)
+
+    return tick

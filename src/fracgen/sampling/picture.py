@@ -1,5 +1,7 @@
 """A picture file as the network's reference: upright, on white, in the size of the run."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,6 +10,7 @@ from PIL import Image
 
 from fracsim.photo import reading
 from fracsim.records import Array
+from fracsim.scene.condition import Condition
 
 
 class Picture(NamedTuple):
@@ -21,6 +24,15 @@ class Picture(NamedTuple):
     """Width and height of the file's picture in the same units."""
 
 
+class Box(NamedTuple):
+    """Where a picture lies on a canvas [px]; `left` and `top` are negative where it was cropped."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
 def load(path: Path | str, width: int, height: int, fit: str = "fit") -> Picture:
     """The picture in a file, turned as its EXIF orientation says, transparent parts white, [height, width, 3].
 
@@ -28,10 +40,22 @@ def load(path: Path | str, width: int, height: int, fit: str = "fit") -> Picture
     ValueError naming a file that is no picture, or is too large or too small.
     """
     image = reading.on_white(reading.upright(path, "image"))
-    across, down = width / image.width, height / image.height
-    factor = min(across, down) if fit == "fit" else max(across, down)
-    w, h = max(1, round(image.width * factor)), max(1, round(image.height * factor))
-    left, top = (width - w) // 2, (height - h) // 2
+    box = place(image.size, width, height, fit)
     canvas = Image.new("RGB", (width, height), "white")
-    canvas.paste(image.resize((w, h), Image.Resampling.LANCZOS), (left, top))
-    return Picture(np.asarray(canvas), (left / width, top / height), (w / width, h / height))
+    canvas.paste(image.resize((box.width, box.height), Image.Resampling.LANCZOS), (box.left, box.top))
+    corner, size = (box.left / width, box.top / height), (box.width / width, box.height / height)
+    return Picture(np.asarray(canvas), corner, size)
+
+
+def place(size: tuple[int, int], width: int, height: int, fit: str = "fit") -> Box:
+    """Where a picture of `size`, width and height, lies on a canvas: fitted into it, or so that it covers it."""
+    across, down = width / size[0], height / size[1]
+    factor = min(across, down) if fit == "fit" else max(across, down)
+    w, h = max(1, round(size[0] * factor)), max(1, round(size[1] * factor))
+    return Box((width - w) // 2, (height - h) // 2, w, h)
+
+
+def moved(condition: Condition, corner: Sequence[float], size: Sequence[float]) -> Condition:
+    """A condition whose positions belong to the file's picture, for the canvas on which it lies at `corner`."""
+    grips = (np.tile(corner, 2) + np.tile(size, 2) * condition.grips).tolist()
+    return replace(condition, grips=grips, velocity=(np.tile(size, 2) * condition.velocity).tolist())

@@ -67,7 +67,7 @@ def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
     frames, height, width = run.size
     seen = picture.load(cfg.image, width, height, cfg.fit)
     given = load(cfg.condition)
-    moved = _moved(replace(given, fps=run.cache["fps"]), seen)
+    moved = picture.moved(replace(given, fps=run.cache["fps"]), seen.corner, seen.size)
     axis = _axis(moved, width, height)
     name = _object(cfg.image)
     words = {"object": name, "class": moved.category, "loading_axis_deg": axis, "break_frame": None, "torn_frame": None,
@@ -132,13 +132,6 @@ def truth(request: Request, name: str, run: TrainedRun, data: str) -> float:
     scale = pictures.video(request.clip, name, run.encoding(data, ["rgb", name])).scale
     assert scale is not None
     return scale
-
-
-def _moved(condition: Condition, seen: picture.Picture) -> Condition:
-    """A condition whose positions belong to the file's picture, for the canvas that it was put on."""
-    size, corner = np.tile(seen.size, 2), np.tile(seen.corner, 2)
-    grips = (corner + size * condition.grips).tolist()
-    return replace(condition, grips=grips, velocity=(size * condition.velocity).tolist())
 
 
 def _axis(condition: Condition, width: int, height: int) -> float | None:

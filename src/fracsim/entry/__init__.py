@@ -2,5 +2,6 @@
 
 from fracsim.entry.command import BAD, INTERRUPTED, complain, launch, main
 from fracsim.entry.interrupt import Interrupt, interrupted
+from fracsim.entry.signs import SIGNS, signs_every
 
-__all__ = ["BAD", "INTERRUPTED", "Interrupt", "complain", "interrupted", "launch", "main"]
+__all__ = ["BAD", "INTERRUPTED", "SIGNS", "Interrupt", "complain", "interrupted", "launch", "main", "signs_every"]

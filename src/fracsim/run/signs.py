@@ -3,10 +3,8 @@
 import sys
 import time
 
+from fracsim.entry import signs_every
 from fracsim.run.watcher import Watcher
-
-EVERY = 10.0
-"""Time between two lines [s]."""
 
 
 class Signs(Watcher):
@@ -14,7 +12,7 @@ class Signs(Watcher):
 
     def __init__(self, frames: int, fps: float) -> None:
         self._frames, self._fps = frames, fps
-        self._since = time.monotonic()
+        self._since, self._every = time.monotonic(), signs_every()
         self._first: tuple[float, float] | None = None
 
     def note(self, text: str) -> None:
@@ -26,7 +24,7 @@ class Signs(Watcher):
         now, at = time.monotonic(), t * self._fps
         if self._first is None:
             self._first = now, at
-        if now - self._since < EVERY or at >= self._frames - 1:
+        if now - self._since < self._every or at >= self._frames - 1:
             return
         self._since, (began, start) = now, self._first
         left = f", {duration((now - began) * (self._frames - 1 - at) / (at - start))} left" if at > start else ""

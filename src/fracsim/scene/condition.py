@@ -15,6 +15,9 @@ import numpy as np
 from fracsim.records import Array
 from fracsim.scene.knob import check, describe, knob
 
+OPTIONAL = ("fps", "caption")
+"""Fields that a file may leave out."""
+
 
 @dataclass(kw_only=True)
 class Condition:
@@ -60,17 +63,22 @@ def load(path: Path | str) -> Condition:
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"condition={path} cannot be read ({error}): give a JSON file with the fields of "
                          "fracsim.scene.condition.Condition.") from None  # fmt: skip
+    return parse(content, f"condition={path}")
+
+
+def parse(content: Any, source: str) -> Condition:
+    """The condition that decoded JSON holds; raises ValueError naming `source`, and the field that is wrong."""
     known = [f.name for f in fields(Condition)]
-    needed = [name for name in known if name not in ("fps", "caption")]
+    needed = [name for name in known if name not in OPTIONAL]
     if not isinstance(content, dict) or [n for n in needed if n not in content] or set(content) - set(known):
         given = list(content) if isinstance(content, dict) else type(content).__name__
-        raise ValueError(f"condition={path} has {given}: a condition has {', '.join(needed)}, and may have fps and "
-                         "caption.")  # fmt: skip
-    _check_types(content, path)
+        raise ValueError(f"{source} has {given}: a condition has {', '.join(needed)}, and may have "
+                         f"{' and '.join(OPTIONAL)}.")  # fmt: skip
+    _check_types(content, source)
     try:
         return Condition(**{name: _floats(value) for name, value in content.items()})
     except (ValueError, OverflowError) as error:
-        raise ValueError(f"condition={path}: {error}") from None
+        raise ValueError(f"{source}: {error}") from None
 
 
 def _floats(value: Any) -> Any:
@@ -80,7 +88,7 @@ def _floats(value: Any) -> Any:
     return value if isinstance(value, str) else float(value)
 
 
-def _check_types(content: Mapping[str, Any], path: Path | str) -> None:
+def _check_types(content: Mapping[str, Any], source: str) -> None:
     """Raise ValueError for a field of another type than its default."""
     for name, default, rule in describe(Condition):
         value = content.get(name, default)
@@ -89,9 +97,14 @@ def _check_types(content: Mapping[str, Any], path: Path | str) -> None:
         if isinstance(default, list) != isinstance(value, list) or any(
             isinstance(v, bool) or not isinstance(v, kind) for v in numbers
         ):
-            raise ValueError(f"condition={path}: {rule.refusal(name, value, default)}")
+            raise ValueError(f"{source}: {rule.refusal(name, value, default)}")
+
+
+def text(condition: Condition) -> str:
+    """The content of a condition file."""
+    return json.dumps(asdict(condition), indent=2) + "\n"
 
 
 def save(condition: Condition, path: Path | str) -> None:
     """Write a condition file."""
-    Path(path).write_text(json.dumps(asdict(condition), indent=2) + "\n", encoding="utf-8")
+    Path(path).write_text(text(condition), encoding="utf-8")
