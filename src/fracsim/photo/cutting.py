@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from scipy.ndimage import label
 
 from fracsim import registry
 from fracsim.photo.reading import Photo, upright
@@ -64,6 +63,8 @@ def whole(mask: Array, photo: Photo, source: str) -> Array:
 
     Raises ValueError for a mask of next to nothing, or of all.
     """
+    from scipy.ndimage import label  # here, because every configuration looks at the names of the ways to cut out
+
     parts, count = label(mask)
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     sizes[0] = 0
