@@ -16,7 +16,9 @@ class Particles:
     X: Array
     """Rest positions [m], (N, 3) float32."""
     volume: Array
-    """Rest volumes [m^3], (N,) float32; they sum to the object's true volume."""
+    """Rest volumes [m^3], (N,) float32; they sum to the object's true volume. One of 0 is drawn only: it rides on the
+    particles around it.
+    """
     covariance: Array
     """Rest covariances A_p as xx, xy, xz, yy, yz, zz [m^2], (N, 6) float32."""
     opacity: Array

@@ -2,7 +2,7 @@
 
 The body is such that its front view, from PHOTO_DISTANCE, is the photo inside the outline: what bulges towards the eye
 is narrower, as far as the camera enlarges it. A skin of Gaussians, finer than the particles, carries the picture on the
-front. Each of them is a particle too, with a share of the volume of the particle below.
+front. They have no volume: they are drawn only, and ride on the particles below.
 """
 
 from dataclasses import dataclass, replace
@@ -154,16 +154,15 @@ def _skin(seen: Outline, body: Body, placement: place.Placement, asset: Asset, s
 
 
 def _covered(below: Particles, top: Particles, asset: Asset, spacing: float) -> Particles:
-    """Both together: each Gaussian of the skin has an equal share with the surface particle that is nearest to it."""
+    """Both together; the surface particle that is nearest to one of the skin is shown smaller."""
     limits.count(asset, spacing, len(below) + len(top))
     outer = np.flatnonzero(below.surface)
-    owner = outer[cKDTree(below.X[outer]).query(top.X)[1]]
-    covering = np.bincount(owner, minlength=len(below))
-    share = below.volume / (1 + covering)
-    under = np.where(covering > 0, UNDER**2, 1)[:, None].astype(np.float32) * below.covariance
-    X, opacity, sh, surface = (
-        np.concatenate([getattr(below, name), getattr(top, name)]) for name in ("X", "opacity", "sh", "surface")
+    hidden = np.zeros(len(below), bool)
+    hidden[outer[cKDTree(below.X[outer]).query(top.X)[1]]] = True
+    under = np.where(hidden, UNDER**2, 1)[:, None].astype(np.float32) * below.covariance
+    X, volume, opacity, sh, surface = (
+        np.concatenate([getattr(below, name), getattr(top, name)])
+        for name in ("X", "volume", "opacity", "sh", "surface")
     )
     A = np.concatenate([under, top.covariance])
-    volume = np.concatenate([share, share[owner]]).astype(np.float32)
     return replace(below, X=X, volume=volume, covariance=A, opacity=opacity, sh=sh, surface=surface)

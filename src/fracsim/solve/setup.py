@@ -16,6 +16,7 @@ from fracsim.mpm.state import State
 from fracsim.mpm.timestep import require_stable
 from fracsim.records import Particles
 from fracsim.scene.vocab import CENTRE, Scene
+from fracsim.solve.riders import moved
 from fracsim.solve.uniaxial import rescaled_crit
 
 
@@ -58,9 +59,10 @@ def grips(scene: Scene) -> Grips:
 def in_memory_order(particles: Particles, h: float, frame: LatticeFrame = WORLD) -> Particles:
     """Particles in the order in which they lie in memory: neighbours in space are neighbours there.
 
-    `frame` is that of the grid.
+    `frame` is that of the grid. Those without volume, which are drawn only, come last.
     """
     by = order((frame.points(particles.X) - np.asarray(CENTRE)) / h)
+    by = by[np.argsort(particles.volume[by] == 0, kind="stable")]
     names = ("X", "volume", "covariance", "opacity", "sh", "surface")
     return replace(particles, **{name: getattr(particles, name)[by] for name in names})
 
@@ -70,7 +72,8 @@ def state(scene: Scene, particles: Particles) -> State:
 
     Raises ValueError where a grip holds nothing, or the grid is too large.
     """
-    return State(medium(scene), particles, grips(scene), Drive.choose(scene.backend, len(particles)))
+    solid = moved(particles)
+    return State(medium(scene), solid, grips(scene), Drive.choose(scene.backend, len(solid)))
 
 
 def wave_time(medium: Medium, length: float) -> float:

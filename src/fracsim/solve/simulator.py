@@ -21,6 +21,7 @@ from fracsim.solve.fragments import Fragments
 from fracsim.solve.march import March, Round, SimulationError
 from fracsim.solve.messages import PATIENCE
 from fracsim.solve.report import TEARING, EnergyTally, Report, Seen, failure_distance
+from fracsim.solve.riders import Riders, moved
 from fracsim.solve.settled import Settled
 from fracsim.solve.setup import Ready, grips, in_memory_order, ready, wave_time
 from fracsim.solve.shown import capped, stress_at
@@ -39,8 +40,9 @@ class Simulator:
     """Runs a scene: `for frame in Simulator(scene, particles).frames(): ...`.
 
     Particles and frames are those of the world; the state is in the frame of the lattices (`fracsim.asset.frame`).
-    Frames hold particles in the order of `self.particles`. `prepared` is what `ready(scene)` gave, if it was called
-    before. Raises ValueError for a scene that cannot run, and SimulationError where something goes wrong.
+    Frames hold particles in the order of `self.particles`; those without volume, which are drawn only, come last.
+    `prepared` is what `ready(scene)` gave, if it was called before. Raises ValueError for a scene that cannot run, and
+    SimulationError where something goes wrong.
     """
 
     def __init__(
@@ -49,19 +51,19 @@ class Simulator:
         medium, warnings = prepared or ready(scene)
         self.lattice = LatticeFrame(scene.lattice_deg)
         self.scene, self.particles = scene, in_memory_order(particles, medium.h, self.lattice)
+        self.moved = moved(self.particles)
+        self.riders = Riders(self.particles, medium.h) if len(self.moved) < len(self.particles) else None
         turned = self.lattice.scene(scene)
         medium = replace(medium, gravity=tuple(turned.loading.gravity))
-        drive = Drive.choose(scene.backend, len(particles))
-        self.state = State(
-            medium, replace(self.particles, X=self.lattice.points(self.particles.X)), grips(turned), drive
-        )
-        self.report = Report(scene, medium, self.particles, self.state.exempt, warnings)
+        drive = Drive.choose(scene.backend, len(self.moved))
+        self.state = State(medium, replace(self.moved, X=self.lattice.points(self.moved.X)), grips(turned), drive)
+        self.report = Report(scene, medium, self.moved, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
         self.progress = progress or (lambda n, dt, t: None)
         self.march = March(self.state)
-        bonds = Bonds(self.particles.X, self.particles.spacing, medium.h)
+        bonds = Bonds(self.moved.X, self.moved.spacing, medium.h)
         self.fragments = Fragments(self.state, bonds, scene.solver.particles_per_axis**3)
-        self.follow_intact = FollowIntact(self.particles.X, medium.h)
+        self.follow_intact = FollowIntact(self.moved.X, medium.h)
         self.settled = Settled(turned.loading, 1 / scene.capture.fps, self.state.side)
         self._set_limits()
 
@@ -71,7 +73,7 @@ class Simulator:
         self._recoil, self._most = 0.0, math.inf
         at_rest = limit(medium, rest_stiffness(medium), self.scene.loading.speed, 0.0)
         if isinstance(self.scene.solver.dt, str) and at_rest > 0:
-            s = (self.particles.X.astype(np.float64) - CENTRE) @ np.asarray(self.scene.loading.axis)
+            s = (self.moved.X.astype(np.float64) - CENTRE) @ np.asarray(self.scene.loading.axis)
             self._recoil = wave_time(medium, float(np.ptp(s)))
             self._most = PATIENCE * max(self.scene.capture.duration / at_rest, 1)
 
@@ -143,7 +145,7 @@ class Simulator:
         energy -= s.params[slot.DT] / 2 * seen.power  # to the instant of the velocities, half a substep ago
         largest = float((seen.stretch[~failed] if s.total else seen.stretch).max(initial=1.0))
         report.add(frame, Seen(EnergyTally.of(s.sums()), energy, largest, float(kinetic(s).sum())), verdict)
-        return frame
+        return frame if self.riders is None else self.riders(frame, self.fragments.of)
 
     def _hold(self, x: Array, t: float) -> None:
         """Put what rigid grips hold exactly where they are at t [s]; x, (N, 3), changes in place."""
@@ -151,11 +153,11 @@ class Simulator:
         if s.boundary.mode == "rigid":
             held = s.side != 0
             shift = s.side[held, None] * s.boundary.speed * t * np.asarray(self.scene.loading.axis)
-            x[held] = (self.particles.X[held] + shift).astype(np.float32)
+            x[held] = (self.moved.X[held] + shift).astype(np.float32)
 
     def _verdict(self, x: Array, F: Array, failed: Array) -> str:
         """Whether the object has just parted: `whole`, `broken` by damage, or `torn` numerically."""
         verdict = self.fragments.verdict(x, F, failed, self.report.stretch_max)
         # Where the grid lets go before lambda_crit, a broken object was torn by it.
-        honest = self.state.total or failure_distance(self.state.medium, self.particles) <= TEARING
+        honest = self.state.total or failure_distance(self.state.medium, self.moved) <= TEARING
         return "torn" if verdict == "broken" and not honest else verdict
