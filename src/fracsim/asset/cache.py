@@ -18,7 +18,6 @@ import numpy as np
 
 from fracsim import registry, sidefiles
 from fracsim.caching import folder as folder
-from fracsim.photo.cutting import CUTOUTS
 from fracsim.records import Particles
 from fracsim.scene.vocab import Asset
 
@@ -43,6 +42,8 @@ def key(asset: Asset, spacing: float, seed: int, lattice_deg: float = 0.0) -> st
         path = Path(asset.path)
         files += [path, *sorted(file for _, file in sidefiles.named(path) if file is not None)]
     if asset.kind == "image":
+        from fracsim.photo.cutting import CUTOUTS  # here, because it loads Pillow
+
         files += [*sorted(PHOTO.rglob("*.py")), registry.source(CUTOUTS, asset.cutout, "asset.cutout")]
         files += [Path(asset.mask)] if asset.mask else []
     for file in files:
