@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fracsim import caching
+from fracsim import caching, kernel_source
 from fracsim.scene.vocab import Backend
 
 MOST_THREADS = 1024
@@ -37,6 +37,7 @@ def start(backend: Backend) -> None:
     _require(backend.arch)
     import taichi as ti
 
+    kernel_source.quicken()
     folder = kernels()
     _unlock(folder)
     with redirect_stdout(io.StringIO()):  # Taichi has no option that suppresses its greeting
