@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageOps
 
 from fracgen.sampling import picture
 from fracsim.records import Array
@@ -63,8 +63,7 @@ def _clip(sample: Sample, name: str) -> list[Array]:
 
 def _square(pixels: Array) -> Array:
     """A picture (H, W, 3) uint8 fitted into a cell on white."""
-    image = Image.fromarray(np.ascontiguousarray(pixels))
-    image.thumbnail((CELL, CELL), Image.Resampling.LANCZOS)
+    image = ImageOps.contain(Image.fromarray(np.ascontiguousarray(pixels)), (CELL, CELL), Image.Resampling.LANCZOS)
     cell = Image.new("RGB", (CELL, CELL), "white")
     cell.paste(image, ((CELL - image.width) // 2, (CELL - image.height) // 2))
     return np.asarray(cell)
