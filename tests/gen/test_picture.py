@@ -107,13 +107,18 @@ def _floating(path: Path) -> None:
 
 
 @pytest.mark.parametrize(("make", "message"), [
-    (lambda path: None, "FileNotFoundError"), (_text, "UnidentifiedImageError"), (lambda path: path.mkdir(), "Error"),
+    (_text, "UnidentifiedImageError"), (lambda path: path.mkdir(), "Error"),
     (_cut, "truncated"), (_floating, "floating-point pixels"),
     (lambda path: path.write_bytes(b""), "UnidentifiedImageError"),
 ])  # fmt: skip
 def test_what_is_no_picture_is_named(make: Any, message: str, tmp_path: Path) -> None:
     make(tmp_path / "cake.png")
     with pytest.raises(ValueError, match=rf"image=.*cake\.png cannot be read as a picture .*{message}.*give a PNG"):
+        picture.load(tmp_path / "cake.png", 32, 32)
+
+
+def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"image=.*cake\.png is not a file, seen from .*: correct the path"):
         picture.load(tmp_path / "cake.png", 32, 32)
 
 

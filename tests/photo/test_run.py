@@ -9,6 +9,8 @@ import pytest
 from fracgen import conditioning
 from fracsim import compose
 from fracsim.run import pipeline
+from fracsim.run.attempt import Task
+from fracsim.run.lines import label
 from fracsim.sample import Sample, read
 from fracsim.scene import condition
 from fracsim.scene.condition import Condition
@@ -63,3 +65,7 @@ def test_the_command_finds_its_sample_again(made: tuple[Path, list[str], Sample]
     _, overrides, sample = made
     again = pipeline.run(compose(*overrides))
     assert (again.status, again.path) == ("existing", sample.path)
+
+
+def test_a_sweep_calls_it_by_its_file(made: tuple[Path, list[str], Sample]) -> None:
+    assert label(Task(compose(*made[1])), ()) == "loaf"

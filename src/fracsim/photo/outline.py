@@ -5,7 +5,7 @@ extent asset.size and the centre of its bounding box at CENTRE.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -70,12 +70,15 @@ class Outline:
         """The photo, 2^level times smaller, with the object's nearest colours as its ground; and the factor of both
         sides, (2,).
         """
-        rgb = self.photo.rgb
+        size = [max(1, round(n / 2**level)) for n in self._own.size]
+        small = self._own.resize((size[0], size[1]), Image.Resampling.BOX)
+        return np.asarray(small) / np.float32(255), np.array(size) / self._own.size
+
+    @cached_property
+    def _own(self) -> Image.Image:
+        """The photo with the object's nearest colours as its ground."""
         nearest = distance_transform_edt(~self.mask, return_distances=False, return_indices=True)
-        own = Image.fromarray(rgb[tuple(nearest)])
-        size = [max(1, round(n / 2**level)) for n in own.size]
-        small = own.resize((size[0], size[1]), Image.Resampling.BOX)
-        return np.asarray(small) / np.float32(255), np.array(size) / own.size
+        return Image.fromarray(self.photo.rgb[tuple(nearest)])
 
     def frame(self, width: int, height: int) -> tuple[float, float, float, float]:
         """The part of the photo that a picture of width x height shows: left, top, width and height [px].

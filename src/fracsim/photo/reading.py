@@ -66,6 +66,8 @@ def upright(path: Path | str | BinaryIO, field: str) -> Image.Image:
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
         raise ValueError(f"{field}={path} has more than {Image.MAX_IMAGE_PIXELS} px, which is too large: make it "
                          f"smaller; {LONGEST} px along an edge are enough.") from None  # fmt: skip
+    except FileNotFoundError:
+        raise ValueError(f"{field}={path} is not a file, seen from {Path.cwd()}: correct the path.") from None
     except Exception as error:  # Pillow's decoders raise errors of many kinds
         heif = " (HEIC: pip install pillow-heif)" if str(path).lower().endswith((".heic", ".heif")) else ""
         raise ValueError(f"{field}={path} cannot be read as a picture ({type(error).__name__}: {error}): give a PNG, "

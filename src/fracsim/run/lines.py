@@ -77,7 +77,8 @@ class Lines(SweepWatcher):
 def label(task: Task, varied: Sequence[str]) -> str:
     """What distinguishes a scene in its sweep, as `duck draw 3`."""
     given = dict(override.lstrip("+").partition("=")[::2] for override in task.overrides)
-    name = task.scene.asset.name or Path(task.scene.asset.path).stem if task.scene else given.pop("asset", "")
+    asset = task.scene.asset if task.scene else None
+    name = (Path(asset.path).stem or asset.name) if asset else given.pop("asset", "")
     shown = [f"{key} {given[key]}" if key == "draw" else f"{key}={given[key]}" for key in varied if key in given]
     return " ".join([name, *(entry for entry in shown if not entry.startswith("asset="))]).strip() or "scene"
 
