@@ -1,12 +1,14 @@
 """3 x 3 tensor algebra as Taichi functions, generic in the floating-point type.
 
 F, cof and C are (3, 3), l and a are (3,), the rest are scalars. Literals are integers or exact in binary, so that the
-same code is exact in float64 too.
+same code is exact in float64 too. They also compute several particles side by side (`fracsim.lanes`).
 """
 
 import math
 
 import taichi as ti
+
+from fracsim.lanes import matrix, some
 
 J_MIN = 0.05
 """Smallest volume ratio that the stress sees. Smaller ratios are clamped to it, and the clamps are counted."""
@@ -15,7 +17,7 @@ J_MIN = 0.05
 @ti.func
 def deformed(grad_u):
     """F = I + grad u."""
-    return ti.Matrix([
+    return matrix([
         [1 + grad_u[0, 0], grad_u[0, 1], grad_u[0, 2]],
         [grad_u[1, 0], 1 + grad_u[1, 1], grad_u[1, 2]],
         [grad_u[2, 0], grad_u[2, 1], 1 + grad_u[2, 2]],
@@ -24,11 +26,16 @@ def deformed(grad_u):
 
 @ti.func
 def cofactor(F):
-    """cof F = J F^-T, column by column."""
-    a = ti.Vector([F[0, 0], F[1, 0], F[2, 0]])
-    b = ti.Vector([F[0, 1], F[1, 1], F[2, 1]])
-    c = ti.Vector([F[0, 2], F[1, 2], F[2, 2]])
-    return ti.Matrix.cols([b.cross(c), c.cross(a), a.cross(b)])
+    """cof F = J F^-T."""
+    return matrix([[_cofactor(F, i, j) for j in ti.static(range(3))] for i in ti.static(range(3))])
+
+
+@ti.func
+def _cofactor(F, i: ti.template(), j: ti.template()):
+    """One entry of cof F, from the 2 x 2 matrix that is left without row i and column j, both taken in a circle."""
+    a, b = ti.static((i + 1) % 3, (i + 2) % 3)
+    c, d = ti.static((j + 1) % 3, (j + 2) % 3)
+    return F[a, c] * F[b, d] - F[a, d] * F[b, c]
 
 
 @ti.func
@@ -49,10 +56,10 @@ def rotation(F, cof):
     i = ti.sqrt(I + 2 * ti.sqrt(3 * II))
     i, last = _trace(i, I, II, J, 2)
     # Two steps suffice up to a stretch of about 1.2 (error 2e-9), five everywhere (round-off).
-    if last * last > 1e-9 * I:
+    if some(last * last > 1e-9 * I):
         i, last = _trace(i, I, II, J, 3)
     c00, c11, c22, c01, c02, c12 = gram(F)
-    C = ti.Matrix([[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]])
+    C = matrix([[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]])
     s = 1 / _slope(i, I, J)
     return ((i * i + I) * s) * F - (2 * s) * (F @ C) + (2 * i * s) * cof
 
@@ -77,10 +84,13 @@ def _slope(i, I, J):
 @ti.func
 def gram(F):
     """The six distinct entries 00, 11, 22, 01, 02, 12 of F^T F."""
-    a = ti.Vector([F[0, 0], F[1, 0], F[2, 0]])
-    b = ti.Vector([F[0, 1], F[1, 1], F[2, 1]])
-    c = ti.Vector([F[0, 2], F[1, 2], F[2, 2]])
-    return a.dot(a), b.dot(b), c.dot(c), a.dot(b), a.dot(c), b.dot(c)
+    return _column(F, 0, 0), _column(F, 1, 1), _column(F, 2, 2), _column(F, 0, 1), _column(F, 0, 2), _column(F, 1, 2)
+
+
+@ti.func
+def _column(F, i: ti.template(), j: ti.template()):
+    """Column i of F times column j."""
+    return F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
 
 
 @ti.func
@@ -91,9 +101,17 @@ def max_stretch(F, J, floor):
     J^(1/3), so that most particles need neither F^T F nor trigonometry.
     """
     out = floor * 0
-    if (F.norm_sqr() - floor * floor) * floor > 2 * J or J > floor * floor * floor:
-        out = principal_stretches(F)[0]
+    if some(((F.norm_sqr() - floor * floor) * floor > 2 * J) | (J > floor * floor * floor)):
+        out = largest_stretch(F)
     return out
+
+
+@ti.func
+def largest_stretch(F):
+    """The largest singular value of F."""
+    a, b, c, d, e, f = gram(F)
+    q, p, angle = _spectrum(a, b, c, d, e, f)
+    return ti.sqrt(q + 2 * p * ti.cos(angle))
 
 
 @ti.func

@@ -18,6 +18,7 @@ from fracsim.mpm.kernels import substeps
 from fracsim.mpm.layout import layout, separate_fragments
 from fracsim.mpm.medium import Medium
 from fracsim.mpm.points import Points
+from fracsim.mpm.side_by_side import SideBySide
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
 from fracsim.records import Array, Particles
@@ -92,6 +93,8 @@ class State:
         V = self.side[:, None] * boundary.speed * np.asarray(boundary.axis)
         self.points.V.from_numpy(V.astype(self.dtype))
         self.grid = NodeGrid(self.real, self.dtype, drive.threads)
+        in_lanes = self.total and drive.kind != "gpu" and boundary.mode != "soft"
+        self.lanes = SideBySide(self.real, drive) if in_lanes else None
         self._allocate()
         self._saved: list[Any] = []
         self._fragment, self._offset = np.zeros(self.n, np.int64), np.zeros(1, np.int64)
@@ -139,6 +142,8 @@ class State:
         else:  # asks in each substep, for the present positions
             holding = Holding.by(np.zeros(1))
         self.grid.place(box, holding)
+        if self.lanes is not None:
+            self.lanes.place(x / self.medium.h, box, self._cell_starts, self.side != 0, self.forced)
         self.points.anchor.copy_from(self.points.U)
         self.first_substep = True
 
@@ -181,10 +186,13 @@ class State:
         viscous = bool(self.params[slot.ETA] > 0)
         variant = Variant(self._law, self._damage, self.total, self.cellwise, viscous, self.forced, self.boundary.mode,
                           self.real)  # fmt: skip
-        kernel = substeps(variant, self.drive.kind, self._wide)
-        arrays = (self._params, *self.points.arrays(), *self.grid.arrays(), self._sums, self._faults, self._last)
-        for step in range(1 if self.drive.kind == "serial" else n + 1):
-            kernel(step, n, *arrays)
+        tally = self._sums, self._faults, self._last
+        if self.lanes is not None:
+            self.lanes.run(n, variant, self._params, self.points, self.grid, tally, self._wide)
+        else:
+            kernel = substeps(variant, self.drive.kind, self._wide)
+            for step in range(1 if self.drive.kind == "serial" else n + 1):
+                kernel(step, n, self._params, *self.points.arrays(), *self.grid.arrays(), *tally)
         self.first_substep, self._last_dt = False, dt
         return min(n, int(self._last.to_numpy().min()) + 1) if turn < math.inf else n
 

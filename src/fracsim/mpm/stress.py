@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from fracsim.lanes import some
 from fracsim.mpm.params import CELL, DENSITY, DT, ETA, ETA_MAX, LAM, MU
 
 SHOCK = 1.5
@@ -46,8 +47,11 @@ def degraded_stress(strain: ti.template(), theta, C, d, c: ti.template()):
     q, power = d * 0, d * 0
     if ti.static(c.variant.total):
         rate = (C * cof).sum()
-        if J < COMPRESSED and rate < 0:
-            q = shock(rate, cof, c.params[DENSITY] * c.params[CELL] * c.params[CELL], c.params[DT])
+        shocked = (J < COMPRESSED) & (rate < 0)
+        if some(shocked):
+            slowing = ti.min(rate, 0)
+            most = shock(slowing, cof, c.params[DENSITY] * c.params[CELL] * c.params[CELL], c.params[DT])
+            q = ti.select(shocked, most, 0)
             power = -q * rate
     P = (1 - d) * c.variant.law.piola(F, cof, J, theta, c.params[MU], c.params[LAM]) - q * cof
     if ti.static(not c.variant.total):

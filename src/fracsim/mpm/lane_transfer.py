@@ -1,0 +1,92 @@
+"""Transfers between the nodes of WIDTH cells and a particle of each (`fracsim.mpm.transfer`, with a particle a lane)."""
+
+import taichi as ti
+
+from fracsim.lanes import WIDTH, matrix, vector
+
+
+NODES, SUMS, PLACES = 0, 81, 189
+"""Places of a pad: the velocities of the 27 nodes of each cell, three vectors a node, and what particles add to them,
+four vectors a node. A thread has PLACES of them."""
+
+
+@ti.func
+def fetch_nodes(at: ti.template(), o, pad: ti.template(), g: ti.template()):
+    """Put the velocities of the 27 nodes of each cell on the pad from o on; `at` are the lowest nodes."""
+    for k in range(27):
+        to = k // 9 * g.sx + k // 3 % 3 * g.sy + k % 3
+        each = [g.velocity[at[l] + to] for l in ti.static(range(WIDTH))]
+        for m in ti.static(range(3)):
+            pad[o + NODES + 3 * k + m] = vector([each[l][m] for l in ti.static(range(WIDTH))])
+
+
+@ti.func
+def gather_lanes(o, pad: ti.template(), f: ti.template()):
+    """Velocity sum_i w v_i, three vectors, and in units of the cell the moments sum_i w v_i (x) (x_i - x_p)."""
+    w = [weights_of(f[0]), weights_of(f[1]), weights_of(f[2])]
+    sums = [nested(o, pad, m, w) for m in ti.static(range(3))]
+    moments = matrix([[sums[m][k + 1] - f[k] * sums[m][0] for k in ti.static(range(3))] for m in ti.static(range(3))])
+    return [sums[m][0] for m in ti.static(range(3))], moments
+
+
+@ti.func
+def weights_of(f):
+    """The three weights along one axis."""
+    return [(1.5 - f) * (1.5 - f) / 2, 0.75 - (f - 1) * (f - 1), (f - 0.5) * (f - 0.5) / 2]
+
+
+@ti.func
+def nested(o, pad: ti.template(), m: ti.template(), w: ti.template()):
+    """sum_i w v and sum_i w k v for the offsets k of the nodes along x, y and z, where v is number m of a node."""
+    x, y, z = ti.static(w[0], w[1], w[2])
+    n = [pad[o + NODES + 3 * k + m] for k in ti.static(range(27))]
+    lines = [z[0] * n[3 * i] + z[1] * n[3 * i + 1] + z[2] * n[3 * i + 2] for i in ti.static(range(9))]
+    along = [z[1] * n[3 * i + 1] + (2 * z[2]) * n[3 * i + 2] for i in ti.static(range(9))]
+    planes = [y[0] * lines[3 * i] + y[1] * lines[3 * i + 1] + y[2] * lines[3 * i + 2] for i in ti.static(range(3))]
+    by_y = [y[1] * lines[3 * i + 1] + (2 * y[2]) * lines[3 * i + 2] for i in ti.static(range(3))]
+    by_z = [y[0] * along[3 * i] + y[1] * along[3 * i + 1] + y[2] * along[3 * i + 2] for i in ti.static(range(3))]
+    return [
+        x[0] * planes[0] + x[1] * planes[1] + x[2] * planes[2],
+        x[1] * planes[1] + (2 * x[2]) * planes[2],
+        x[0] * by_y[0] + x[1] * by_y[1] + x[2] * by_y[2],
+        x[0] * by_z[0] + x[1] * by_z[1] + x[2] * by_z[2],
+    ]
+
+
+@ti.func
+def clear_sums(o, pad: ti.template()):
+    """Empty the sums."""
+    for k in range(108):
+        pad[o + SUMS + k] = 0 * pad[o + SUMS + k]
+
+
+@ti.func
+def scatter_lanes(o, pad: ti.template(), f: ti.template(), momentum: ti.template(), affine: ti.template(), mass):
+    """Add w (momentum + affine (x_i - x_p), mass) to the sums of the 27 nodes."""
+    x, y, z = weights_of(f[0]), weights_of(f[1]), weights_of(f[2])
+    for m in ti.static(range(3)):
+        a = [affine[m, 0], affine[m, 1], affine[m, 2]]
+        base = momentum[m] - a[0] * f[0] - a[1] * f[1] - a[2] * f[2]
+        for k in ti.static(range(3)):
+            plane, by_x, by_y = z[k] * (base + k * a[2]), z[k] * a[0], z[k] * a[1]
+            for j in ti.static(range(3)):
+                line, slope = y[j] * (plane + j * by_y), y[j] * by_x
+                for i in ti.static(range(3)):
+                    n = o + SUMS + ti.static(4 * (9 * i + 3 * j + k) + m)
+                    pad[n] = pad[n] + x[i] * (line + i * slope)
+    for i, j in ti.static(ti.ndrange(3, 3)):
+        w = x[i] * y[j] * mass
+        for k in ti.static(range(3)):
+            n = o + SUMS + ti.static(4 * (9 * i + 3 * j + k) + 3)
+            pad[n] = pad[n] + z[k] * w
+
+
+@ti.func
+def add_to_nodes(at: ti.template(), o, pad: ti.template(), g: ti.template()):
+    """Add the sums to the nodes of each cell."""
+    for k in range(27):
+        to = k // 9 * g.sx + k // 3 % 3 * g.sy + k % 3
+        sums = [pad[o + SUMS + 4 * k + m] for m in ti.static(range(4))]
+        for l in ti.static(range(WIDTH)):
+            n = at[l] + to
+            g.momentum[n] = g.momentum[n] + ti.Vector([sums[m][l] for m in ti.static(range(4))])
