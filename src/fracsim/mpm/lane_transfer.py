@@ -15,9 +15,57 @@ def fetch_nodes(at: ti.template(), o, pad: ti.template(), g: ti.template()):
     """Put the velocities of the 27 nodes of each cell on the pad from o on; `at` are the lowest nodes."""
     for k in range(27):
         to = k // 9 * g.sx + k // 3 % 3 * g.sy + k % 3
-        each = [g.velocity[at[l] + to] for l in ti.static(range(WIDTH))]
-        for m in ti.static(range(3)):
-            pad[o + NODES + 3 * k + m] = vector([each[l][m] for l in ti.static(range(WIDTH))])
+        x, y, z = turned_in([g.velocity[at[l] + to] for l in ti.static(range(WIDTH))])
+        for m, values in ti.static(enumerate((x, y, z))):
+            pad[o + NODES + 3 * k + m] = values
+
+
+@ti.func
+def turned_in(each: ti.template()):
+    """The first three numbers of each of eight nodes, as three vectors.
+
+    By halves of registers: what takes its entries from two vectors is one instruction.
+    """
+    a, b, c, d = [halves(each[k], each[k + 4]) for k in ti.static(range(4))]
+    xy, zw, XY, ZW = low(a, b), high(a, b), low(c, d), high(c, d)
+    return joined(xy, XY), joined_high(xy, XY), joined(zw, ZW)
+
+
+@ti.func
+def turned_out(x, y, z, w):
+    """Four vectors as the four numbers of each of eight nodes, two nodes a vector: 0 and 4, 1 and 5, 2 and 6, 3 and 7."""
+    xy, XY, zw, ZW = low(x, y), high(x, y), low(z, w), high(z, w)
+    return joined(xy, zw), joined_high(xy, zw), joined(XY, ZW), joined_high(XY, ZW)
+
+
+@ti.func
+def halves(a, b):
+    """Eight numbers from four and four."""
+    return vector([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]])
+
+
+@ti.func
+def low(a, b):
+    """In turns, the lower numbers of the halves of two vectors."""
+    return vector([a[0], b[0], a[1], b[1], a[4], b[4], a[5], b[5]])
+
+
+@ti.func
+def high(a, b):
+    """In turns, the upper numbers of the halves of two vectors."""
+    return vector([a[2], b[2], a[3], b[3], a[6], b[6], a[7], b[7]])
+
+
+@ti.func
+def joined(a, b):
+    """The lower pairs of the halves of two vectors."""
+    return vector([a[0], a[1], b[0], b[1], a[4], a[5], b[4], b[5]])
+
+
+@ti.func
+def joined_high(a, b):
+    """The upper pairs of the halves of two vectors."""
+    return vector([a[2], a[3], b[2], b[3], a[6], a[7], b[6], b[7]])
 
 
 @ti.func
@@ -86,7 +134,9 @@ def add_to_nodes(at: ti.template(), o, pad: ti.template(), g: ti.template()):
     """Add the sums to the nodes of each cell."""
     for k in range(27):
         to = k // 9 * g.sx + k // 3 % 3 * g.sy + k % 3
-        sums = [pad[o + SUMS + 4 * k + m] for m in ti.static(range(4))]
+        x, y, z, w = [pad[o + SUMS + 4 * k + m] for m in ti.static(range(4))]
+        pairs = turned_out(x, y, z, w)
         for l in ti.static(range(WIDTH)):
-            n = at[l] + to
-            g.momentum[n] = g.momentum[n] + ti.Vector([sums[m][l] for m in ti.static(range(4))])
+            n, half = at[l] + to, ti.static(4 * (l // 4))
+            sums = ti.Vector([pairs[l % 4][half + m] for m in ti.static(range(4))])
+            g.momentum[n] = g.momentum[n] + sums
