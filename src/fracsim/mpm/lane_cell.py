@@ -89,10 +89,9 @@ def held(v: ti.template(), grip, c: ti.template()):
     """The velocity of a particle that moves with v in a grip, or in none (0)."""
     u = ti.static([c.params[UX], c.params[UY], c.params[UZ]])
     along = grip * c.params[SPEED]
-    out = [along * u[k] for k in ti.static(range(3))]
-    if ti.static(c.variant.boundary == "sliding"):
-        miss = along - (v[0] * u[0] + v[1] * u[1] + v[2] * u[2])
-        out = [v[k] + miss * u[k] for k in ti.static(range(3))]
+    miss = along - (v[0] * u[0] + v[1] * u[1] + v[2] * u[2])
+    sliding = ti.static(c.variant.boundary == "sliding")
+    out = [v[k] + miss * u[k] if sliding else along * u[k] for k in ti.static(range(3))]
     free = grip * grip < 0.5
     return [ti.select(free, v[k], out[k]) for k in ti.static(range(3))]
 
