@@ -5,9 +5,10 @@ import taichi as ti
 from fracsim.lanes import WIDTH, matrix, vector
 
 
-NODES, SUMS, PLACES = 0, 81, 189
+NODES, SUMS, PLACES = 0, 81, 200
 """Places of a pad: the velocities of the 27 nodes of each cell, three vectors a node, and what particles add to them,
-four vectors a node. A thread has PLACES of them."""
+four vectors a node. A thread has PLACES of them, of which it leaves the last ones free: threads that write to one cache
+line, or to its neighbour, halve each other's speed."""
 
 
 @ti.func

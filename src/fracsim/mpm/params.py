@@ -46,6 +46,7 @@ RELEASED = 7  # taken along by failed particles [J]
 CLAMPED = 8  # particle-substeps whose J was clamped [1]
 GRAVITY_WORK = 9  # work of gravity [J]
 SUMS = 10
+ROW = 32  # numbers kept for a thread, so that no two write to one cache line or to its neighbour
 
 # Peaks of a survey: maxima over particles, one row a thread (see `fracsim.mpm.survey`).
 PEAKS = 4

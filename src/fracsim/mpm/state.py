@@ -108,7 +108,7 @@ class State:
         self._wide = ti.f64 if backend.computes_doubles() else ti.f32
         make = self._arrays = Arrays(self)
         self._params = make.zeros(self.real, slot.PARAMETERS)
-        self._sums = make.zeros(self._wide, threads, slot.SUMS)
+        self._sums = make.zeros(self._wide, threads, slot.ROW)
         self._peaks = make.zeros(self.real, threads, slot.PEAKS)
         self._faults = make.zeros(ti.i32, threads, 3)
         self._last = make.zeros(ti.i32, threads)
@@ -261,5 +261,5 @@ class State:
 
     def sums(self) -> Array:
         """The sums over time in SI units, (SUMS,) float64."""
-        sums: Array = np.asarray(self._sums.to_numpy(), np.float64).sum(axis=0)
+        sums: Array = np.asarray(self._sums.to_numpy(), np.float64)[:, : slot.SUMS].sum(axis=0)
         return sums
