@@ -65,3 +65,18 @@ def test_a_function_of_the_same_name_has_its_own_source() -> None:
         return scaled
 
     assert (made(2)(1.5), made(3)(1.5)) == (3.0, 4.5)
+
+
+def test_a_kernel_of_a_class_is_known_by_its_class() -> None:
+    backend.start(Backend(threads=1))
+
+    @ti.data_oriented
+    class Doubler:
+        def __init__(self) -> None:
+            self.factor = 2.0
+
+        @ti.kernel
+        def of(self, x: float) -> float:
+            return self.factor * x
+
+    assert Doubler().of(3.0) == 6.0

@@ -40,14 +40,14 @@ def test_a_cap_keeps_the_rotation_and_the_other_stretches() -> None:
     rng = np.random.default_rng(0)
     U, V = (np.linalg.qr(rng.normal(size=(50, 3, 3)))[0] for _ in range(2))
     l = rng.uniform(0.2, 5, size=(50, 3))
-    F, beyond = capped((U * l[:, None]) @ V, 2.5)
+    F, beyond = capped((U * l[:, None]) @ V, 2.5, l.max(axis=1))
     assert F == pytest.approx((U * np.minimum(l, 2.5)[:, None]) @ V, abs=1e-12)
     assert (beyond == (l > 2.5).any(axis=1)).all()
 
 
 def test_what_no_stretch_exceeds_is_not_touched() -> None:
     F = np.tile(np.diag([2.0, 1.9, 0.1]), (4, 1, 1))  # |F| > 2, no stretch is
-    out, beyond = capped(F, 2.0)
+    out, beyond = capped(F, 2.0, np.full(4, 2.0))
     assert out is F
     assert not beyond.any()
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import taichi as ti
 
-from fracsim.lanes import WIDTH
+from fracsim.lanes import WIDTH, vector
 from fracsim.mpm.context import Context, NodeArrays, Variant
 from fracsim.mpm.kernels import CHUNK, last_step, types
 from fracsim.mpm.lane_cell import AFFINE, DAMAGE, EXCESS, FORCE, GRAD, GRIP, MOTION, OFFSET, SHIFT, VELOCITY, VOLUME
@@ -100,27 +100,23 @@ def exchange(real: Any, forced: bool) -> tuple[Any, Any]:
         force: Vector,  # see `ParticleArrays`; offset from the lowest node [cells], (N,)
     ):  # fmt: skip
         for r in range(particle.shape[0]):
-            for l in range(WIDTH):
-                p = particle[r, l]
-                record[r, VOLUME][l], record[r, DAMAGE][l] = 0, 1
-                if p >= 0:
-                    record[r, DAMAGE][l] = D[p]
-                    if D[p] < 1:
-                        record[r, VOLUME][l] = volume[p]
-                    excess = ti.cast(tag[p] // ABOVE, real) * UNIT
-                    if tag[p] & EXEMPT != 0:
-                        excess = NEVER
-                    record[r, EXCESS][l] = excess
-                    record[r, GRIP][l] = tag[p] % EXEMPT - FREE
-                    for i in ti.static(range(3)):
-                        record[r, OFFSET + i][l] = offset[p][i]
-                        record[r, SHIFT + i][l] = U[p][i]
-                        motion[r, VELOCITY + i][l] = V[p][i]
-                        if ti.static(forced):
-                            record[r, FORCE + i][l] = force[p][i]
-                        for j in ti.static(range(3)):
-                            record[r, GRAD + 3 * i + j][l] = grad_u[p][i, j]
-                            motion[r, AFFINE + 3 * i + j][l] = C[p][i, j]
+            p = [particle[r, l] for l in ti.static(range(WIDTH))]
+            q = [ti.max(p[l], 0) for l in ti.static(range(WIDTH))]
+            lanes = ti.static(range(WIDTH))
+            damage = vector([ti.select(p[l] >= 0, D[q[l]], 1) for l in lanes])
+            size = vector([volume[q[l]] for l in lanes])
+            record[r, DAMAGE], record[r, VOLUME] = damage, ti.select(damage < 1, size, 0 * size)
+            record[r, EXCESS] = vector([excess_of(tag[q[l]], real) for l in lanes])
+            record[r, GRIP] = vector([ti.cast(tag[q[l]] % EXEMPT - FREE, real) for l in lanes])
+            for i in ti.static(range(3)):
+                record[r, OFFSET + i] = vector([offset[q[l]][i] for l in lanes])
+                record[r, SHIFT + i] = vector([U[q[l]][i] for l in lanes])
+                motion[r, VELOCITY + i] = vector([V[q[l]][i] for l in lanes])
+                if ti.static(forced):
+                    record[r, FORCE + i] = vector([force[q[l]][i] for l in lanes])
+                for j in ti.static(range(3)):
+                    record[r, GRAD + 3 * i + j] = vector([grad_u[q[l]][i, j] for l in lanes])
+                    motion[r, AFFINE + 3 * i + j] = vector([C[q[l]][i, j] for l in lanes])
 
     @ti.kernel
     def store(
@@ -128,15 +124,26 @@ def exchange(real: Any, forced: bool) -> tuple[Any, Any]:
         U: Vector, V: Vector, C: Matrix, grad_u: Matrix, D: Scalar,  # out, see `ParticleArrays`
     ):  # fmt: skip
         for r in range(particle.shape[0]):
-            for l in range(WIDTH):
+            d = record[r, DAMAGE]
+            u, v = [[record[r, SHIFT + i] for i in ti.static(range(3))], [motion[r, i] for i in ti.static(range(3))]]
+            g = [record[r, GRAD + k] for k in ti.static(range(9))]
+            a = [motion[r, AFFINE + k] for k in ti.static(range(9))]
+            for l in ti.static(range(WIDTH)):
                 p = particle[r, l]
                 if p >= 0:
-                    D[p] = record[r, DAMAGE][l]
+                    D[p] = d[l]
                     for i in ti.static(range(3)):
-                        U[p][i] = record[r, SHIFT + i][l]
-                        V[p][i] = motion[r, VELOCITY + i][l]
+                        U[p][i], V[p][i] = u[i][l], v[i][l]
                         for j in ti.static(range(3)):
-                            grad_u[p][i, j] = record[r, GRAD + 3 * i + j][l]
-                            C[p][i, j] = motion[r, AFFINE + 3 * i + j][l]
+                            grad_u[p][i, j], C[p][i, j] = g[3 * i + j][l], a[3 * i + j][l]
 
     return load, store
+
+
+@ti.func
+def excess_of(tag, real: ti.template()):
+    """The excess of strain by which a particle's thresholds rise, from its tag."""
+    out = ti.cast(tag // ABOVE, real) * UNIT
+    if tag & EXEMPT != 0:
+        out = NEVER
+    return out

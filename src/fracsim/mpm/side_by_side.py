@@ -19,6 +19,10 @@ from fracsim.mpm.points import Points
 from fracsim.records import Array
 
 
+APART = 16
+"""Records between those of two threads: a multiple of a cache line, and more than one."""
+
+
 class SideBySide:
     """Device arrays of groups of cells; see `LaneArrays` for shapes and units."""
 
@@ -39,7 +43,8 @@ class SideBySide:
         found = groups(y, cell, node, pressure, held, layout.start)
         self._arrays = Arrays(found)
         make, self._found, threads, records = self._arrays, found, self._drive.threads, len(found.particles)
-        self._slots = int(found.rows[:, SLOTS].max(initial=1))
+        most = int(found.rows[:, SLOTS].max(initial=1))
+        self._slots = (most + 2 * APART - 1) // APART * APART
         room = power_of_2(records)
         self.rows, self.particle = make.of(found.rows, ti.i32), make.of(found.particles, ti.i32)
         self.owner = make.of(found.owner, self._real, (WIDTH,))
@@ -54,12 +59,12 @@ class SideBySide:
         """Make `count` substeps."""
         load, store = exchange(self._real, variant.forced)
         b = points
-        load(self.particle, self.record, self.motion, self.offset, b.U, b.V, b.C, b.grad_u, b.D, b.volume, b.tag,
-             b.force)  # fmt: skip
         kernel = lane_substeps(variant, self._drive.kind == "threads", wide)
-        arrays = (params, self.rows, self.owner, self.particle, self.record, self.motion, self.kept, self.pad, self._slots,
-                  self.first, *grid.arrays(), *tally)  # fmt: skip
+        arrays = (params, self.rows, self.owner, self.particle, self.record, self.motion, self.kept, self.pad,
+                  self._slots, self.first, *grid.arrays(), *tally)  # fmt: skip
         with Vectors():
+            load(self.particle, self.record, self.motion, self.offset, b.U, b.V, b.C, b.grad_u, b.D, b.volume, b.tag,
+                 b.force)  # fmt: skip
             for step in range(1 if self._drive.kind == "serial" else count + 1):
                 kernel(step, count, *arrays)
-        store(self.particle, self.record, self.motion, b.U, b.V, b.C, b.grad_u, b.D)
+            store(self.particle, self.record, self.motion, b.U, b.V, b.C, b.grad_u, b.D)

@@ -79,7 +79,8 @@ def split(raw: Array) -> tuple[Array, Array]:
     some = max(np.count_nonzero(raw) // SHARE, 1)
     if not np.isfinite(most) or np.count_nonzero(size >= most / WILD) > some:  # the common case, decided fast
         return raw, nothing
-    usual = float(np.partition(size.ravel(), -some - 1)[-some - 1]) if raw.size > some else 0.0
+    values = size[size > 0]
+    usual = float(np.partition(values, -some - 1)[-some - 1]) if len(values) > some else 0.0
     wild = size > WILD * usual
     kept = raw[~wild]
     return np.clip(raw, min(kept.min(initial=0), 0), max(kept.max(initial=0), 0)), wild

@@ -1,6 +1,7 @@
 """Failed particles follow intact ones on their side of the crack (`total`)."""
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from fracsim.records import Array
 
@@ -19,7 +20,7 @@ class FollowIntact:
 
     def __init__(self, X: Array, h: float) -> None:
         """X: rest positions [m], (N, 3); h: cell size [m]."""
-        self.X, self.h = X, h
+        self.X, self.h = X - X.mean(axis=0), h
         self.count = -1
 
     def _choose(self, failed: Array) -> None:
@@ -31,18 +32,20 @@ class FollowIntact:
         self.count = int(failed.sum())
         intact = np.flatnonzero(~failed)
         near = cKDTree(self.X[intact]).query(self.X[failed], k=min(CARRIERS, len(intact)))[1]
-        self.carriers = intact[near.reshape(self.count, -1)]
+        used, place = np.unique(near, return_inverse=True)
+        self.used, self.carriers = intact[used], place.reshape(self.count, -1)
 
     def __call__(self, x: Array, v: Array, F: Array, failed: Array, fragment: Array) -> None:
         """Overwrite x (N, 3), v (N, 3) and F (N, 3, 3) where `failed`, (N,), in place; carriers share a fragment."""
         if not failed.any() or failed.all():
             return
         self._choose(failed)
-        s = self.carriers
-        near = np.linalg.norm(x[s] - x[s[:, :1]], axis=2) < TOGETHER * self.h
-        near &= fragment[s] == fragment[s[:, :1]]
-        weight = (near / near.sum(axis=1, keepdims=True)).astype(x.dtype)
-        to = x[s] + np.einsum("pkij,pkj->pki", F[s], self.X[failed][:, None] - self.X[s])
-        x[failed] = np.einsum("pk,pki->pi", weight, to)
-        v[failed] = np.einsum("pk,pki->pi", weight, v[s])
-        F[failed] = np.einsum("pk,pkij->pij", weight, F[s])
+        u, s = self.used, self.carriers
+        near = np.linalg.norm(x[u][s] - x[u][s[:, :1]], axis=2) < TOGETHER * self.h
+        near &= fragment[u][s] == fragment[u][s[:, :1]]
+        weight = (near / near.sum(axis=1, keepdims=True)).astype(F.dtype)
+        mean = csr_array((weight.ravel(), s.ravel(), np.arange(0, s.size + 1, s.shape[1])), (len(s), len(u)))
+        origin = x[u] - np.einsum("pij,pj->pi", F[u], self.X[u])  # where F takes what is at 0 at rest
+        F[failed] = (mean @ F[u].reshape(-1, 9)).reshape(-1, 3, 3)
+        x[failed] = mean @ origin + np.einsum("pij,pj->pi", F[failed], self.X[failed])
+        v[failed] = mean @ v[u]

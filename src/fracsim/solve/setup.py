@@ -73,7 +73,8 @@ def state(scene: Scene, particles: Particles) -> State:
     Raises ValueError where a grip holds nothing, or the grid is too large.
     """
     solid = moved(particles)
-    return State(medium(scene), solid, grips(scene), Drive.choose(scene.backend, len(solid)))
+    drive = Drive.choose(scene.backend, len(solid), scene.solver.formulation)
+    return State(medium(scene), solid, grips(scene), drive)
 
 
 def wave_time(medium: Medium, length: float) -> float:

@@ -10,14 +10,12 @@ from fracsim.mpm.state import State
 from fracsim.records import Array
 
 
-def capped(F: Array, most: float) -> tuple[Array, Array]:
+def capped(F: Array, most: float, stretch: Array) -> tuple[Array, Array]:
     """F (N, 3, 3) with stretches of at most `most`, rotations and directions kept, and where it differs, (N,) bool.
 
-    F itself where none does.
+    `stretch`, (N,), is the largest one of each. F itself where none differs.
     """
-    beyond = (F**2).sum(axis=(1, 2)) > most**2  # the largest stretch is at most |F|
-    if beyond.any():
-        beyond[beyond] = np.linalg.norm(F[beyond], ord=2, axis=(1, 2)) > most
+    beyond = stretch > most
     if not beyond.any():
         return F, beyond
     U, stretches, V = np.linalg.svd(F[beyond].astype(np.float64))

@@ -55,7 +55,7 @@ class Simulator:
         self.riders = Riders(self.particles, medium.h) if len(self.moved) < len(self.particles) else None
         turned = self.lattice.scene(scene)
         medium = replace(medium, gravity=tuple(turned.loading.gravity))
-        drive = Drive.choose(scene.backend, len(self.moved))
+        drive = Drive.choose(scene.backend, len(self.moved), medium.solver.formulation)
         self.state = State(medium, replace(self.moved, X=self.lattice.points(self.moved.X)), grips(turned), drive)
         self.report = Report(scene, medium, self.moved, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
@@ -131,7 +131,7 @@ class Simulator:
         seen = s.observe()
         failed = d >= 1
         verdict = "parted" if report.parted else self._verdict(x, world.tensors_to_world(F), failed)
-        F, beyond = capped(F, report.medium.fracture.crit)
+        F, beyond = capped(F, report.medium.fracture.crit, seen.stretch)
         tau = stress_at(s, F) if (beyond & ~failed).any() else seen.tau
         report.capped = max(report.capped, int((beyond & ~failed).sum()))
         F, tau = world.tensors_to_world(F), world.tensors_to_world(tau)
