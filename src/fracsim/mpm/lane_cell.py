@@ -238,6 +238,8 @@ def gather_group(q, keep, scatters, step, c: ti.template()):
         t, s, w = advance_lanes(q, r, k, c)
         taken, turn, fault = taken + t, ti.max(turn, s), ti.max(fault, w)
         grows = ti.max(grows, b.kept[k, NOW] - b.record[r, DAMAGE])
+    if some(fault > 0):
+        report(first, slots, keep, step, c)
     add(c.tally, PROJECTED, -projection_loss(c.params[ALPHA]) * total(taken))
     if some(grows > 0):
         add(c.tally, DAMAGED, total(freed_lanes(q, first, slots, keep, c)))
@@ -245,8 +247,6 @@ def gather_group(q, keep, scatters, step, c: ti.template()):
             set_damage(q, first + p, keep + p, c)
     if some(turn * (c.params[DT] * c.params[DT]) > c.params[TURN]):
         request_stop(c.tally, step)
-    if some(fault > 0):
-        report(first, slots, keep, step, c)
     if not scatters:
         for p in range(slots):
             for m in ti.static(range(MOTION)):
