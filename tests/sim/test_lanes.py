@@ -13,7 +13,7 @@ from fracsim.lab.stage import bar
 from fracsim.lanes import WIDTH, Vectors
 from fracsim.mpm.boundary import Free
 from fracsim.mpm.drive import Drive
-from fracsim.mpm.groups import FIRST, MERGED, SLOTS, Groups, groups
+from fracsim.mpm.lanes.groups import FIRST, MERGED, SLOTS, Groups, groups
 from fracsim.mpm.medium import Medium
 from fracsim.mpm.state import State
 from fracsim.records import Array
@@ -23,7 +23,8 @@ from .bars import scene
 
 OPERATIONS = {
     "-a": "-a", "a - b": "a - b", "3 - a": "3 - a", "a / b": "a / b", "2 / a": "2 / a", "a**2": "a**2",
-    "a**0.75": "a**0.75", "a**b": "a**b", "ti.sqrt(a)": "np.sqrt(a)", "ti.log(a)": "np.log(a)", "ti.exp(a)": "np.exp(a)",
+    "a**0.75": "a**0.75", "a**b": "a**b", "ti.sqrt(a)": "np.sqrt(a)", "ti.log(a)": "np.log(a)",
+    "ti.exp(a)": "np.exp(a)",
     "ti.sin(a)": "np.sin(a)", "ti.cos(a)": "np.cos(a)", "ti.tan(a)": "np.tan(a)", "ti.asin(a)": "np.arcsin(a)",
     "ti.acos(a)": "np.arccos(a)", "ti.tanh(a)": "np.tanh(a)", "ti.abs(a - b)": "np.abs(a - b)",
     "ti.max(a, 0.5)": "np.maximum(a, 0.5)", "ti.min(a, b)": "np.minimum(a, b)", "ti.atan2(a, b)": "np.arctan2(a, b)",
@@ -100,8 +101,8 @@ def after(state: State, substeps: int) -> dict[str, Array]:
 
 @pytest.mark.parametrize(("law", "pressure", "boundary"), CASES)
 def test_lanes_move_as_particles_one_by_one(law: str, pressure: str, boundary: str) -> None:
-    """In float64, until after the first have failed. What differs is the order of sums, and that lanes take the steps of
-    Newton's iteration that one of them needs: the others are then exact, not off by 2e-9 (`fracsim.tensor.rotation`)."""
+    """In float64, until after the first have failed. What differs is the order of sums, and that all lanes take the
+    steps of Newton's iteration that one of them needs: they are then exact, not off by 2e-9 (`tensor.rotation`)."""
     states = [pulled(law, pressure, boundary, "float64") for _ in range(2)]
     assert states[0].lanes is not None
     states[1].lanes = None
@@ -110,6 +111,18 @@ def test_lanes_move_as_particles_one_by_one(law: str, pressure: str, boundary: s
     for name, values in one_by_one.items():
         scale = np.abs(values).max()
         assert side_by_side[name] == pytest.approx(values, abs=1e-8 * scale), name
+
+
+def test_a_law_that_does_not_say_so_is_computed_one_by_one(tmp_path: Path) -> None:
+    """As a law of before lanes, or one with branches."""
+    import fracsim.constitutive.neo_hookean as law
+
+    path = tmp_path / "branching.py"
+    path.write_text(Path(law.__file__).read_text().replace("LANES = True", "LANES = False"))
+    s = scene(material=Material(law=str(path), E=1e4), solver=Solver(cells=40))
+    state = setup.state(s, bar(s.solver))
+    assert state.lanes is None
+    after(state, 25)
 
 
 def test_threads_move_particles_as_one_does() -> None:

@@ -9,6 +9,8 @@
 `bound_updated(l, J, mu, lam)`  the same for dtau / d(ln stretch): the stiffness seen by a grid in the present
     configuration.
 
+With `LANES = True` the functions also compute particles side by side: see `fracsim.lanes` for what differs.
+
 A new law is one file here and one YAML file in conf/material. `tests/sim/test_constitutive.py` finds it and checks
 psi(I) = 0, objectivity, symmetry, P = dpsi/dF, Hooke's law at small strain, and that the bounds hold.
 """

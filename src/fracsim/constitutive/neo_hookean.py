@@ -4,6 +4,9 @@ import taichi as ti
 
 from fracsim.tensor import J_MIN, volumetric_bound
 
+LANES = True
+"""It computes several particles side by side (`fracsim.lanes`)."""
+
 
 @ti.func
 def psi(F, theta, mu, lam):

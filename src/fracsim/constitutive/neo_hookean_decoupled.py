@@ -4,6 +4,8 @@ import taichi as ti
 
 from fracsim.tensor import J_MIN, largest_eigenvalue
 
+LANES = True
+"""It computes several particles side by side (`fracsim.lanes`)."""
 LAM_IS_BULK_MODULUS = True
 """At small strain lam is the bulk modulus: Hooke's law with lam - 2 mu / 3 for its lambda (as in PhysGaussian)."""
 

@@ -4,6 +4,9 @@ import taichi as ti
 
 from fracsim.tensor import max_stretch
 
+LANES = True
+"""It computes several particles side by side (`fracsim.lanes`)."""
+
 
 @ti.func
 def raw(F, J, onset, crit):

@@ -15,10 +15,10 @@ from fracsim.mpm.context import Variant
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.grid import NodeGrid
 from fracsim.mpm.kernels import substeps
+from fracsim.mpm.lanes.side_by_side import SideBySide
 from fracsim.mpm.layout import layout, separate_fragments
 from fracsim.mpm.medium import Medium
 from fracsim.mpm.points import Points
-from fracsim.mpm.side_by_side import SideBySide
 from fracsim.mpm.survey import observe, survey
 from fracsim.mpm.timestep import bearable, damping, projection, rest_stiffness
 from fracsim.records import Array, Particles
@@ -93,7 +93,8 @@ class State:
         V = self.side[:, None] * boundary.speed * np.asarray(boundary.axis)
         self.points.V.from_numpy(V.astype(self.dtype))
         self.grid = NodeGrid(self.real, self.dtype, drive.threads)
-        in_lanes = self.total and drive.kind != "gpu" and boundary.mode != "soft"
+        laws = all(getattr(law, "LANES", False) for law in (self._law, self._damage))
+        in_lanes = laws and self.total and drive.kind != "gpu" and boundary.mode != "soft"
         self.lanes = SideBySide(self.real, drive) if in_lanes else None
         self._allocate()
         self._saved: list[Any] = []

@@ -1,9 +1,8 @@
-"""Transfers between the nodes of WIDTH cells and a particle of each (`fracsim.mpm.transfer`, with a particle a lane)."""
+"""Transfers between the nodes of WIDTH cells and a particle of each: `fracsim.mpm.transfer`, with a particle a lane."""
 
 import taichi as ti
 
 from fracsim.lanes import WIDTH, matrix, vector
-
 
 NODES, SUMS, PLACES = 0, 81, 200
 """Places of a pad: the velocities of the 27 nodes of each cell, three vectors a node, and what particles add to them,
@@ -34,7 +33,7 @@ def turned_in(each: ti.template()):
 
 @ti.func
 def turned_out(x, y, z, w):
-    """Four vectors as the four numbers of each of eight nodes, two nodes a vector: 0 and 4, 1 and 5, 2 and 6, 3 and 7."""
+    """Four vectors as the four numbers of each of eight nodes, two nodes a vector: 0 and 4, 1 and 5, and so on."""
     xy, XY, zw, ZW = low(x, y), high(x, y), low(z, w), high(z, w)
     return joined(xy, zw), joined_high(xy, zw), joined(XY, ZW), joined_high(XY, ZW)
 

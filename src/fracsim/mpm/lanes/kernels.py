@@ -12,10 +12,23 @@ import taichi as ti
 from fracsim.lanes import WIDTH, vector
 from fracsim.mpm.context import Context, NodeArrays, Variant
 from fracsim.mpm.kernels import CHUNK, last_step, types
-from fracsim.mpm.lane_cell import AFFINE, DAMAGE, EXCESS, FORCE, GRAD, GRIP, MOTION, OFFSET, SHIFT, VELOCITY, VOLUME
-from fracsim.mpm.lane_cell import LaneArrays, update_group
+from fracsim.mpm.lanes.cell import (
+    AFFINE,
+    DAMAGE,
+    EXCESS,
+    FORCE,
+    GRAD,
+    GRIP,
+    OFFSET,
+    SHIFT,
+    VELOCITY,
+    VOLUME,
+    LaneArrays,
+    update_group,
+)
 from fracsim.mpm.node import update_node
-from fracsim.mpm.params import ABOVE, EXCESS as UNIT, EXEMPT, FREE, PARAMETERS
+from fracsim.mpm.params import ABOVE, EXEMPT, FREE, PARAMETERS
+from fracsim.mpm.params import EXCESS as UNIT
 from fracsim.mpm.tally import Tally
 from fracsim.mpm.transfer import Grid
 

@@ -9,8 +9,8 @@ import taichi as ti
 
 from fracsim.lanes import WIDTH, matrix, some, total
 from fracsim.mpm.context import Strain
-from fracsim.mpm.groups import AT, FIRST, HELD, MERGED, SLOTS
-from fracsim.mpm.lane_transfer import PLACES, add_to_nodes, clear_sums, fetch_nodes, gather_lanes, scatter_lanes
+from fracsim.mpm.lanes.groups import AT, FIRST, HELD, MERGED, SLOTS
+from fracsim.mpm.lanes.transfer import PLACES, add_to_nodes, clear_sums, fetch_nodes, gather_lanes, scatter_lanes
 from fracsim.mpm.leapfrog import kick, projected_part
 from fracsim.mpm.params import (
     ALPHA,
@@ -51,7 +51,7 @@ class LaneArrays(NamedTuple):
     """The arrays of G groups with R records; all but tables are of vectors of WIDTH."""
 
     rows: Any
-    """See `fracsim.mpm.groups`, (G, COLUMNS) int."""
+    """See `fracsim.mpm.lanes.groups`, (G, COLUMNS) int."""
     owner: Any
     """(G,)."""
     particle: Any
@@ -63,7 +63,7 @@ class LaneArrays(NamedTuple):
     kept: Any
     """Motion of a group's particles, their J and damage, within a substep, (threads * most slots, KEPT)."""
     pad: Any
-    """See `fracsim.mpm.lane_transfer`, (threads * PLACES,)."""
+    """See `fracsim.mpm.lanes.transfer`, (threads * PLACES,)."""
 
 
 @ti.func
@@ -325,10 +325,16 @@ def scatter_group(q, keep, step, shift, c: ti.template()):
 
 @ti.func
 def update_group(q, keep, gathers, scatters, step, shift, c: ti.template()):
-    """A substep of the particles of WIDTH cells."""
-    if gathers:
-        gather_group(q, keep, scatters, step, c)
-    else:
-        recall_group(q, keep, c)
-    if scatters:
-        scatter_group(q, keep, step, shift, c)
+    """A substep of the particles of WIDTH cells, unless all of them have failed."""
+    b = ti.static(c.particles)
+    first = b.rows[q, FIRST]
+    least = b.record[first, DAMAGE]
+    for p in range(1, b.rows[q, SLOTS]):
+        least = ti.min(least, b.record[first + p, DAMAGE])
+    if some(least < 1):
+        if gathers:
+            gather_group(q, keep, scatters, step, c)
+        else:
+            recall_group(q, keep, c)
+        if scatters:
+            scatter_group(q, keep, step, shift, c)

@@ -10,14 +10,13 @@ from fracsim.lanes import WIDTH, Vectors
 from fracsim.mpm.context import Variant
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.grid import NodeGrid
-from fracsim.mpm.groups import SLOTS, groups
-from fracsim.mpm.lane_cell import FIELDS, FORCE, KEPT, MOTION
-from fracsim.mpm.lane_kernels import exchange, lane_substeps
-from fracsim.mpm.lane_transfer import PLACES
+from fracsim.mpm.lanes.cell import FIELDS, FORCE, KEPT, MOTION
+from fracsim.mpm.lanes.groups import SLOTS, groups
+from fracsim.mpm.lanes.kernels import exchange, lane_substeps
+from fracsim.mpm.lanes.transfer import PLACES
 from fracsim.mpm.layout import Layout, cells
 from fracsim.mpm.points import Points
 from fracsim.records import Array
-
 
 APART = 16
 """Records between those of two threads: a multiple of a cache line, and more than one."""

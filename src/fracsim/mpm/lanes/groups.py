@@ -5,6 +5,7 @@ as many particles make a group. Lanes that are left over hold no particle.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -40,17 +41,21 @@ def groups(y: Array, cell: Array, node: Array, pressure: Array, held: Array, sta
     Particles of the same number in `pressure`, (N,) int, share their pressure, so that they must be of one thread;
     `held`, (N,) bool, are those in grips; thread t has the particles from start[t] to start[t + 1].
     """
-    rows, particles, owners, first = [], [], [], [0]
-    for begin, end in zip(start[:-1], start[1:], strict=True):
+    rows: list[list[int]] = []
+    particles: list[Array] = []
+    owners: list[list[int]] = []
+    first, records = [0], 0
+    for begin, end in pairwise(start):
         for members, owner in _groups(pressure[begin:end], node[begin:end]):
-            slots = max(map(len, members))
+            slots = max(len(of) for of in members)
             record = np.full((slots, WIDTH), -1, np.int32)
             for lane, of in enumerate(members):
                 record[: len(of), lane] = of + begin
             inside = record[record >= 0]
             at = [node[record[0, lane if lane < len(members) else 0]] for lane in range(WIDTH)]
             merged = len(set(owner[: len(members)])) < len(members)
-            rows.append([*at, sum(map(len, particles)), slots, held[inside].any(), merged])
+            rows.append([*at, records, slots, int(held[inside].any()), int(merged)])
+            records += slots
             particles.append(record)
             owners.append(owner)
         first.append(len(rows))
@@ -67,7 +72,7 @@ def _groups(pressure: Array, node: Array) -> list[tuple[list[Array], list[int]]]
     of = np.array([pressure[part[0]] for part in parts], np.int64)
     shared = np.bincount(of - of.min())[of - of.min()] > 1 if len(parts) else np.zeros(0, bool)
     lists = _with_all_parts([k for k in range(len(parts)) if shared[k]], of)
-    alone = sorted(np.flatnonzero(~shared), key=lambda k: (-len(parts[k]), parts[k][0]))
+    alone = sorted((int(k) for k in np.flatnonzero(~shared)), key=lambda k: (-len(parts[k]), parts[k][0]))
     lists += [alone[k : k + WIDTH] for k in range(0, len(alone), WIDTH)]
     lists.sort(key=lambda group: min(parts[k][0] for k in group))
     out = []
