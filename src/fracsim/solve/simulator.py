@@ -131,7 +131,8 @@ class Simulator:
         seen = s.observe()
         failed = d >= 1
         verdict = "parted" if report.parted else self._verdict(x, world.tensors_to_world(F), failed)
-        F, beyond = capped(F, report.medium.fracture.crit, seen.stretch)
+        followers = failed & (s.total and not failed.all())  # they show what intact ones do, below
+        F, beyond = capped(F, report.medium.fracture.crit, np.where(followers, 0, seen.stretch))
         tau = stress_at(s, F) if (beyond & ~failed).any() else seen.tau
         report.capped = max(report.capped, int((beyond & ~failed).sum()))
         F, tau = world.tensors_to_world(F), world.tensors_to_world(tau)
