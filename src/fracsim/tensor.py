@@ -8,10 +8,13 @@ import math
 
 import taichi as ti
 
-from fracsim.lanes import matrix, some
+from fracsim.lanes import is_lanes, matrix, some
 
 J_MIN = 0.05
 """Smallest volume ratio that the stress sees. Smaller ratios are clamped to it, and the clamps are counted."""
+
+LN2 = 0.693147182464599609375, -1.904654323148236e-9
+"""ln 2 as a number of float32 and the rest."""
 
 
 @ti.func
@@ -150,6 +153,41 @@ def volumetric_bound(l, J, slope, curvature):
     sharp = J * (ti.max(J * c + slope, 0) * S + ti.max(-slope, 0) * s)
     cof_sqr = (l[0] * l[1]) ** 2 + (l[0] * l[2]) ** 2 + (l[1] * l[2]) ** 2
     return ti.min(sharp, c * cof_sqr + ti.abs(slope) * (l[0] + l[1]))
+
+
+@ti.func
+def log(x):
+    """ln x; of lanes in registers, for x in [2^-16, 2^16], instead of by a call a lane."""
+    out = x * 0
+    if ti.static(is_lanes(x)):
+        out = _log_of_lanes(x)
+    else:
+        out = ti.log(x)
+    return out
+
+
+@ti.func
+def _log_of_lanes(x):
+    """ln x = k ln 2 + 2 artanh((y - 1) / (y + 1)) with x = 2^k y and y in [1 / sqrt 2, sqrt 2], where the 11 terms of
+    the series that are taken leave out 2e-18.
+    """
+    one, y, k = x * 0 + 1, x, x * 0
+    for n in ti.static((8, 4, 2, 1)):
+        y, k = _halved(y, k, y >= 2**n, n)
+        y, k = _halved(y, k, y < 0.5**n, -n)
+    y, k = _halved(y, k, y > 1.4140625, 1)
+    y, k = _halved(y, k, y < 0.70703125, -1)
+    s = (y - 1) / (y + 1)
+    square, series = s * s, one / 21
+    for n in ti.static(range(19, 0, -2)):
+        series = series * square + one / n
+    return k * LN2[0] + (2 * s * series + k * LN2[1])
+
+
+@ti.func
+def _halved(y, k, here, n: ti.template()):
+    """y / 2^n and k + n in these lanes."""
+    return ti.select(here, y * 0.5**n, y), ti.select(here, k + n, k)
 
 
 @ti.func

@@ -24,7 +24,8 @@ from .bars import scene
 OPERATIONS = {
     "-a": "-a", "a - b": "a - b", "3 - a": "3 - a", "a / b": "a / b", "2 / a": "2 / a", "a**2": "a**2",
     "a**0.75": "a**0.75", "a**b": "a**b", "ti.sqrt(a)": "np.sqrt(a)", "ti.log(a)": "np.log(a)",
-    "ti.exp(a)": "np.exp(a)",
+    "ti.exp(a)": "np.exp(a)", "log(a)": "np.log(a)", "log(1 + a / 1024)": "np.log1p(a / 1024)",
+    "log(a * 60000)": "np.log(a * 60000)", "log(a / 6000)": "np.log(a / 6000)",
     "ti.sin(a)": "np.sin(a)", "ti.cos(a)": "np.cos(a)", "ti.tan(a)": "np.tan(a)", "ti.asin(a)": "np.arcsin(a)",
     "ti.acos(a)": "np.arccos(a)", "ti.tanh(a)": "np.tanh(a)", "ti.abs(a - b)": "np.abs(a - b)",
     "ti.max(a, 0.5)": "np.maximum(a, 0.5)", "ti.min(a, b)": "np.minimum(a, b)", "ti.atan2(a, b)": "np.arctan2(a, b)",
@@ -50,7 +51,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Array, Array, Ar
     backend.start(Backend(threads=1))
     lines = "\n".join(f"        R[r, {k}] = {what}" for k, what in enumerate(OPERATIONS, 2))
     path = tmp_path_factory.mktemp("kernel") / "operations.py"
-    path.write_text("import taichi as ti\nfrom fracsim.lanes import matrix, some, total\n"
+    path.write_text("import taichi as ti\nfrom fracsim.lanes import *\nfrom fracsim.tensor import log\n"
                     "@ti.kernel\ndef run(R: ti.types.ndarray(dtype=ti.types.vector(8, ti.f64), ndim=2)):\n"
                     f"    for r in range(4):\n        a, b = R[r, 0], R[r, 1]\n{lines}\n")  # fmt: skip
     spec = importlib.util.spec_from_file_location("operations", Path(path))

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.tensor import J_MIN, volumetric_bound
+from fracsim.tensor import J_MIN, log, volumetric_bound
 
 LANES = True
 """It computes several particles side by side (`fracsim.lanes`)."""
@@ -10,18 +10,18 @@ LANES = True
 
 @ti.func
 def psi(F, theta, mu, lam):
-    log_J, log_theta = ti.log(ti.max(F.determinant(), J_MIN)), ti.log(ti.max(theta, J_MIN))
+    log_J, log_theta = log(ti.max(F.determinant(), J_MIN)), log(ti.max(theta, J_MIN))
     return mu / 2 * (F.norm_sqr() - 3) - mu * log_J + lam / 2 * log_theta**2
 
 
 @ti.func
 def piola(F, cof, J, theta, mu, lam):
-    return mu * F + (lam * ti.log(theta) / theta - mu / J) * cof
+    return mu * F + (lam * log(theta) / theta - mu / J) * cof
 
 
 @ti.func
 def bound_total(l, J, theta, mu, lam):
-    log_theta = ti.log(theta)
+    log_theta = log(theta)
     return mu * (1 + 1 / l[2] ** 2) + lam * volumetric_bound(l, J, log_theta / theta, (1 - log_theta) / theta**2)
 
 

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.tensor import J_MIN, largest_eigenvalue
+from fracsim.tensor import J_MIN, largest_eigenvalue, log
 
 LANES = True
 """It computes several particles side by side (`fracsim.lanes`)."""
@@ -12,14 +12,14 @@ LAM_IS_BULK_MODULUS = True
 
 @ti.func
 def psi(F, theta, mu, lam):
-    isochoric = ti.exp(ti.log(ti.max(F.determinant(), J_MIN)) * -2 / 3) * F.norm_sqr() - 3
+    isochoric = ti.exp(log(ti.max(F.determinant(), J_MIN)) * -2 / 3) * F.norm_sqr() - 3
     volume = ti.max(theta, J_MIN)
-    return mu / 2 * isochoric + lam / 4 * (volume**2 - 1) - lam / 2 * ti.log(volume)
+    return mu / 2 * isochoric + lam / 4 * (volume**2 - 1) - lam / 2 * log(volume)
 
 
 @ti.func
 def piola(F, cof, J, theta, mu, lam):
-    m = mu * ti.exp(ti.log(J) * -2 / 3)
+    m = mu * ti.exp(log(J) * -2 / 3)
     return m * F + (lam / 2 * (theta - 1 / theta) - m * F.norm_sqr() / 3 / J) * cof
 
 
@@ -29,7 +29,7 @@ def bound_total(l, J, theta, mu, lam):
     and one for the change of shape.
     """
     a, I = 1 / l, l.norm_sqr()
-    m, slope, curvature = mu * ti.exp(ti.log(J) * -2 / 3), (theta - 1 / theta) / 2, (1 + 1 / theta**2) / 2
+    m, slope, curvature = mu * ti.exp(log(J) * -2 / 3), (theta - 1 / theta) / 2, (1 + 1 / theta**2) / 2
     la, aa = l.outer_product(a), a.outer_product(a)
     hessian = (2 * m * I / 9 + lam * J * (J * curvature + slope)) * aa - (2 * m / 3) * (la + la.transpose())
     for k in ti.static(range(3)):
@@ -41,4 +41,4 @@ def bound_total(l, J, theta, mu, lam):
 @ti.func
 def bound_updated(l, J, mu, lam):
     """The larger of two bounds, for the change of shape and of volume: these changes are orthogonal."""
-    return ti.max(2 * mu * ti.exp(ti.log(J) * -2 / 3) * l[0] ** 2, 3 * lam * J**2)
+    return ti.max(2 * mu * ti.exp(log(J) * -2 / 3) * l[0] ** 2, 3 * lam * J**2)
