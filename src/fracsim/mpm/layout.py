@@ -103,8 +103,7 @@ def layout(y: Array, chunks: int, margin: int, cell_starts: Array | None = None)
     start = np.linspace(0, len(y), chunks + 1).astype(np.int32)
     if cell_starts is not None:
         start = np.append(cell_starts, len(y))[np.searchsorted(cell_starts, start)].astype(np.int32)
-    near = _near(cell, shape, margin) | _near(cells(y) - lowest, shape, margin)  # by either rounding at a face
-    nodes = np.flatnonzero(near)
+    nodes = np.flatnonzero(_near(cell, shape, margin))
     sx = shape[1] * shape[2]
     plane = nodes // sx
     source = np.full((len(nodes), chunks), -1, np.int32)

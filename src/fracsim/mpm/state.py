@@ -144,6 +144,8 @@ class State:
             holding = Holding.by(np.zeros(1))
         self.grid.place(box, holding)
         if self.lanes is not None:
+            # A particle on the face of a cell may reach a node that no other one does, by a weight below FACE^2 / 2.
+            self.grid.clear()
             self.lanes.place(x / self.medium.h, box, self._cell_starts, self.side != 0, self.forced)
         self.points.anchor.copy_from(self.points.U)
         self.first_substep = True
