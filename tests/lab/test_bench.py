@@ -149,8 +149,11 @@ def test_ratios_are_taken_within_a_round():
     """A machine that halves its speed in the second round changes no ratio."""
     ns = {"plain": [900.0, 1800.0], "blocked": [110.0, 220.0], "fixed_corotated": [120.0, 240.0],
           "fixed_corotated, pressure=particle": [100.0, 200.0]}  # fmt: skip
-    *_, gain, _, share = substep.summary(ns, 81_000)
+    for law in ("fixed_corotated", "neo_hookean"):
+        ns |= {f"{law}, 1 thread": [40.0, 80.0], f"{law}, 1 thread, particles one by one": [160.0, 320.0]}
+    *_, gain, _, lanes, _, share = substep.summary(ns, 81_000)
     assert (gain.value, gain.met, share.met) == (9.0, "yes", "yes")
+    assert (lanes.value, lanes.met) == (4.0, "yes")
     assert share.value == pytest.approx(1 / 1.1)
 
 

@@ -12,16 +12,20 @@ from fracsim.solve import setup
 class Ours:
     """The bar in a `State`."""
 
-    def __init__(self, X: Array, v: Array, cells: int, law: str, pressure: str, threads: int) -> None:
+    def __init__(
+        self, X: Array, v: Array, cells: int, law: str, pressure: str, threads: int, lanes: bool = True
+    ) -> None:
         """Positions X (N, 3) [m] and velocities v (N, 3) [m/s]; `cells` along the domain.
 
-        `pressure` is solver.pressure, `threads` is backend.threads.
+        `pressure` is solver.pressure, `threads` is backend.threads; without `lanes` particles are computed one by one.
         """
         solver = Solver(cells=cells, pressure=pressure, damping="per_substep")
         scene = Scene(material=bar.material(law), solver=solver, backend=Backend(threads=threads))
         by = order((X - np.asarray(CENTRE)) / solver.h)
         self.state = setup.state(scene, particles(X[by], solver.spacing))
         self.state.points.V.from_numpy(v[by])
+        if not lanes:
+            self.state.lanes = None
 
     def __len__(self) -> int:
         return self.state.n

@@ -16,11 +16,14 @@ from fracsim.scene.vocab import DOMAIN, Backend
 UNIT = "ns/particle"
 FASTER = 8
 """Target of the plain substep's time over that of this project's."""
+LANES = 3.5
+"""Target of the time of particles one by one over that of eight side by side."""
 PLAIN, BLOCKED, OURS, RUBBER = "plain", "blocked", "fixed_corotated", "neo_hookean"
 LIKE = "fixed_corotated, pressure=particle"
 """This project's substep with the pressure of `plain` and `blocked`; the default is a cell's pressure."""
+ONE_BY_ONE = ", 1 thread, particles one by one"
 ALONE, TWINS = ", 1 thread", ", 1 thread, two processes side by side"
-MOST = {OURS: 105, RUBBER: 75, OURS + TWINS: 85, RUBBER + TWINS: 60}
+MOST = {OURS: 50, RUBBER: 50, OURS + TWINS: 40, RUBBER + TWINS: 40}
 """Targets [ns/particle]: one clip on two threads, and two clips side by side on two cores, as in a sweep."""
 
 
@@ -32,8 +35,10 @@ def rows(plan: Plan) -> Iterator[Row]:
         LIKE: ("ours", 0, "--pressure=particle"),
         OURS: ("ours", 0),
         OURS + ALONE: ("ours", 1),
+        OURS + ONE_BY_ONE: ("ours", 1, "--one-by-one"),
         RUBBER: ("ours", 0, f"--law={RUBBER}"),
         RUBBER + ALONE: ("ours", 1, f"--law={RUBBER}"),
+        RUBBER + ONE_BY_ONE: ("ours", 1, f"--law={RUBBER}", "--one-by-one"),
     }
     sizes = (f"--cells={plan.cells}", f"--substeps={plan.substeps}")
     with ExitStack() as stack:
@@ -66,18 +71,21 @@ def summary(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
     for ours, least in ((LIKE, FASTER), (OURS, None)):
         gain = [a / b for a, b in zip(ns[PLAIN], ns[ours], strict=True)]
         yield median(what, f"{PLAIN} / {ours}", gain, "times", least=least)
+    for law in (OURS, RUBBER):
+        gain = [a / b for a, b in zip(ns[law + ONE_BY_ONE], ns[law + ALONE], strict=True)]
+        yield median(what, f"{law}, 1 thread: one by one / side by side", gain, "times", least=LANES)
     share = [b / a for a, b in zip(ns[BLOCKED], ns[LIKE], strict=True)]
     yield median(what, f"{LIKE} / {BLOCKED}", share, "times", most=1)
 
 
-def contestant(name: str, cells: int, law: str, pressure: str, threads: int) -> Any:
+def contestant(name: str, cells: int, law: str, pressure: str, threads: int, lanes: bool) -> Any:
     """The bar of the module `ours`, `plain` or `blocked`; starts Taichi."""
     backend.start(Backend(threads=threads))
     X = bar.lattice(DOMAIN / cells)
     if name == "ours":
         from fracsim.bench.ours import Ours
 
-        return Ours(X, bar.velocity(X), cells, law, pressure, threads)
+        return Ours(X, bar.velocity(X), cells, law, pressure, threads, lanes)
     if name == "plain":
         from fracsim.bench.plain import Plain
 
@@ -94,10 +102,13 @@ def main() -> None:
     parser.add_argument("threads", type=int)
     parser.add_argument("--law", default="fixed_corotated")
     parser.add_argument("--pressure", default="auto")
+    parser.add_argument("--one-by-one", action="store_true")
     parser.add_argument("--cells", type=int, required=True)
     parser.add_argument("--substeps", type=int, required=True)
     options = parser.parse_args()
-    body = contestant(options.name, options.cells, options.law, options.pressure, options.threads)
+    body = contestant(
+        options.name, options.cells, options.law, options.pressure, options.threads, not options.one_by_one
+    )
     import taichi as ti
 
     def measure() -> dict[str, float]:
