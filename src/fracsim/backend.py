@@ -142,13 +142,18 @@ def on_cpu() -> bool:
     return _started is None or _started.arch == "cpu"
 
 
-@cache
 def _require(arch: str) -> None:
     """Raise RuntimeError if Taichi cannot run on `arch` here: Taichi itself would silently fall back to the CPU."""
+    if not available(arch):
+        raise RuntimeError(f"backend.arch={arch} is not available on this machine: use backend.arch=cpu.")
+
+
+@cache
+def available(arch: str) -> bool:
+    """Whether Taichi can run on `arch` here."""
     import taichi as ti
 
     ti.set_logging_level(ti.ERROR)
     probes: dict[str, Any] = {"cuda": ti._lib.core.with_cuda, "vulkan": ti._lib.core.with_vulkan,
                               "metal": ti._lib.core.with_metal}  # fmt: skip
-    if arch in probes and not probes[arch]():
-        raise RuntimeError(f"backend.arch={arch} is not available on this machine: use backend.arch=cpu.")
+    return arch not in probes or bool(probes[arch]())

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fracsim import Scene, Solver
-from fracsim.bench import bar, hidden, splatting, startup, substep
+from fracsim import Scene, Solver, backend
+from fracsim.bench import bar, gpu, hidden, splatting, startup, substep
 from fracsim.bench.__main__ import main
 from fracsim.bench.blocked import Blocked
 from fracsim.bench.plain import Plain
@@ -143,6 +143,21 @@ def test_a_substep_is_timed_in_a_process_of_its_own():
     with Worker("substep", "ours", 1, "--cells=30", "--substeps=2") as worker:
         assert worker.ready["particles"] == 9 * 3 * 3 * 8
         assert worker.measure()["ns"] > 0
+
+
+def test_a_machine_without_a_gpu_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(backend, "available", lambda arch: False)
+    assert main(["gpu", f"--out={tmp_path}"]) == 2
+    assert "none of cuda, vulkan, metal is available on this machine" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_gpu_is_timed_beside_the_cpu():
+    """Here a second CPU stands for it."""
+    found = {row.variant: row for row in gpu.rows(("cpu",), (30,), 2, 1)}
+    assert list(found) == ["fixed_corotated, cpu", "fixed_corotated, cpu / cpu", "neo_hookean, cpu",
+                           "neo_hookean, cpu / cpu"]  # fmt: skip
+    assert found["fixed_corotated, cpu / cpu"].value == 1
 
 
 def test_ratios_are_taken_within_a_round():

@@ -11,6 +11,7 @@ from rich.console import Console
 from fracsim.bench import memory, splatting, startup, substep
 from fracsim.bench.plan import FULL, QUICK, Plan
 from fracsim.bench.record import Row, table, write
+from fracsim.entry import BAD, complain
 from fracsim.lab.machine import machine
 
 PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
@@ -19,7 +20,7 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
-STUDIES = ("pareto", "published", "thresholds", "order", "mesh", "skips", "reading", "angles")
+STUDIES = ("pareto", "published", "thresholds", "order", "mesh", "skips", "reading", "angles", "gpu")
 """Modules that take minutes and run only by name. Their `study(out, quick)` may also write a plot to `out`."""
 FOLDER = Path("docs/benchmarks")
 
@@ -71,6 +72,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 for row in measurement(name, options):
                     status.update(f"{row.benchmark}: {row.variant}")
                     rows[file].append(row.without_target() if options.quick else row)
+            except ValueError as error:
+                complain(str(error))
+                return BAD
             except KeyboardInterrupt:
                 console.print(table(rows[file]))
                 console.print(f"interrupted: {name} is not stored; files stored before remain", soft_wrap=True)

@@ -78,9 +78,11 @@ def summary(ns: dict[str, list[float]], particles: int) -> Iterator[Row]:
     yield median(what, f"{LIKE} / {BLOCKED}", share, "times", most=1)
 
 
-def contestant(name: str, cells: int, law: str, pressure: str, threads: int, lanes: bool) -> Any:
+def contestant(
+    name: str, cells: int, law: str, pressure: str, threads: int, lanes: bool = True, arch: str = "cpu"
+) -> Any:
     """The bar of the module `ours`, `plain` or `blocked`; starts Taichi."""
-    backend.start(Backend(threads=threads))
+    backend.start(Backend(arch=arch, threads=threads))
     X = bar.lattice(DOMAIN / cells)
     if name == "ours":
         from fracsim.bench.ours import Ours
@@ -103,12 +105,12 @@ def main() -> None:
     parser.add_argument("--law", default="fixed_corotated")
     parser.add_argument("--pressure", default="auto")
     parser.add_argument("--one-by-one", action="store_true")
+    parser.add_argument("--arch", default="cpu")
     parser.add_argument("--cells", type=int, required=True)
     parser.add_argument("--substeps", type=int, required=True)
     options = parser.parse_args()
-    body = contestant(
-        options.name, options.cells, options.law, options.pressure, options.threads, not options.one_by_one
-    )
+    body = contestant(options.name, options.cells, options.law, options.pressure, options.threads,
+                      not options.one_by_one, options.arch)  # fmt: skip
     import taichi as ti
 
     def measure() -> dict[str, float]:
