@@ -76,11 +76,11 @@ def test_an_operation_on_lanes_is_that_of_numpy(what: str, computed: tuple[Array
     assert results[:, list(OPERATIONS).index(what)] == pytest.approx(np.asarray(expected, float), rel=1e-12, abs=1e-13)
 
 
-def pulled(law: str, pressure: str, boundary: str, precision: str) -> State:
+def pulled(law: str, pressure: str, boundary: str, precision: str, onset: float = 1.05) -> State:
     """A short bar that tears within a few hundred substeps, with viscosity, decay, gravity and grips."""
     s = scene(
         material=Material(law=law, E=1e4, nu=0.4, density=200, viscosity=2.0, decay=2.0),
-        fracture=Fracture(onset=1.05, crit=1.15),
+        fracture=Fracture(onset=onset, crit=1.15),
         loading=Loading(offset=0.2, thickness=0.1, speed=2.0, gravity=(0.0, -9.8, 0.0), grips=boundary),
         solver=Solver(cells=40, pressure=pressure, precision=precision),
         capture=Capture(frames=1),
@@ -112,6 +112,13 @@ def test_lanes_move_as_particles_one_by_one(law: str, pressure: str, boundary: s
     for name, values in one_by_one.items():
         scale = np.abs(values).max()
         assert side_by_side[name] == pytest.approx(values, abs=1e-8 * scale), name
+
+
+def test_what_a_grip_holds_gathers_no_damage_even_from_a_stretch_of_1() -> None:
+    state = pulled(*CASES[0], "float64", onset=1.0)
+    damage = after(state, 50)["D"]
+    assert damage[state.exempt].max() == 0
+    assert damage.max() > 0
 
 
 def test_a_law_that_does_not_say_so_is_computed_one_by_one(tmp_path: Path) -> None:

@@ -43,6 +43,8 @@ from fracsim.tensor import J_MIN, cofactor, deformed, volume_ratio
 # Columns of a record: offset from the lowest node [cells], volume at rest [m^3], damage, displacement [m], grad u,
 # excess of strain by which thresholds rise, grip, body force a mass [m/s^2].
 OFFSET, VOLUME, DAMAGE, SHIFT, GRAD, EXCESS, GRIP, FORCE, FIELDS = 0, 3, 4, 5, 8, 17, 18, 19, 22
+NEVER = 1e6
+"""Excess of strain of particles that gather no damage: their thresholds are then out of reach, which saves work."""
 # Columns of a motion: velocity [m/s], affine velocity [1/s], and of a kept one J and the damage to come besides.
 VELOCITY, AFFINE, MOTION, RATIO, NOW, KEPT = 0, 3, 12, 12, 13, 14
 
@@ -137,7 +139,7 @@ def grown_lanes(r, F: ti.template(), J, c: ti.template()):
     d, excess = c.particles.record[r, DAMAGE], c.particles.record[r, EXCESS]
     onset, crit = c.params[ONSET], c.params[CRIT]
     raw = c.variant.damage.raw(F, J, onset + excess * (onset - 1), crit + excess * (crit - 1))
-    return ti.select(d < 1, ti.max(d, raw), d)
+    return ti.select((d < 1) & (excess < NEVER), ti.max(d, raw), d)
 
 
 @ti.func
