@@ -117,3 +117,18 @@ def test_a_forked_worker_is_told_to_spawn() -> None:
     said = python(FORK)
     assert said.startswith("this process was forked")
     assert 'get_context("spawn")' in said
+
+
+@pytest.mark.parametrize(("threads", "cores", "expected"), [
+    (2, {0, 1}, {21: {0}, 22: {1}}),
+    (1, {0, 1}, {}),  # one thread may go where there is room
+    (2, {0, 1, 4}, {}),  # two cores of three could share a unit that computes
+])  # fmt: skip
+def test_threads_get_a_core_each_if_there_are_as_many(
+    threads: int, cores: set[int], expected: dict[int, set[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: dict[int, set[int]] = {}
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: cores, raising=False)
+    monkeypatch.setattr("os.sched_setaffinity", lambda thread, to: given.update({thread: to}), raising=False)
+    backend._spread({7, 21, 22}, threads)
+    assert given == expected
