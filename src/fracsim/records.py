@@ -7,6 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+J_MIN = 0.05
+"""Smallest volume ratio that divides, that of `fracsim.tensor`: a law takes J for 0.05 where it is smaller, also in
+inverted material, so that tau belongs to this J."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,8 @@ class Frame:
 
     @property
     def stress(self) -> Array:
-        """Degraded Cauchy stresses tau / J [Pa], (N, 3, 3)."""
-        return self.tau / self.J[:, None, None]
+        """Degraded Cauchy stresses tau / J [Pa], (N, 3, 3); J counts as J_MIN where it is smaller."""
+        return np.asarray(self.tau / np.maximum(self.J, J_MIN)[:, None, None])
 
     @property
     def failed(self) -> Array:

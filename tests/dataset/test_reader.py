@@ -29,6 +29,8 @@ def test_two_lines_read_a_clip(folder: Path) -> None:
     clips = fracsim.dataset.open(folder).filter(split="train", object="duck")
     stress = clips[0].read("stress", 2, 5)
     assert np.array_equal(stress, sample.read(folder / clips[0].row["path"]).maps["stress"][2:5])
+    itself = clips[0].read("stress", 2, 5, over_alpha=True)
+    assert np.array_equal(itself, sample.read(folder / clips[0].row["path"]).maps_over_alpha["stress"][2:5])
     assert clips[0].sample.complete
 
 

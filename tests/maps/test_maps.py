@@ -109,6 +109,7 @@ def test_crushed_material_shows_the_stress_at_the_smallest_volume_ratio_of_the_l
         got = stress.quantity(frame(F, tau.astype(dtype)), FRONT)
         np.testing.assert_allclose(got, 600 / 0.05, rtol=1e-6)
         assert got.dtype == dtype
+        np.testing.assert_allclose(frame(F, tau.astype(dtype)).stress[0, 0, 0], 600 / 0.05, rtol=1e-6)
 
 
 def test_damage_is_passed_on() -> None:

@@ -39,12 +39,13 @@ class Clip:
         """The sample, as `fracsim.sample.read` gives it; raises ValueError when it is no longer whole."""
         return read(self.folder / self.row["path"])
 
-    def read(self, what: str, start: int = 0, stop: int | None = None) -> Array:
+    def read(self, what: str, start: int = 0, stop: int | None = None, over_alpha: bool = False) -> Array:
         """Frames start .. stop - 1 of "rgb" [T, H, W, 3] uint8, "alpha" [T, H, W] or a map [T, H, W, C], in its unit.
 
-        Decodes these frames only. Raises ValueError as `fracsim.sample.Sample.read` does.
+        With `over_alpha` a map is the quantity itself, not weighted by coverage. Decodes these frames only. Raises
+        ValueError as `fracsim.sample.Sample.read` does.
         """
-        return self.sample.read(what, start, stop)
+        return self.sample.read(what, start, stop, over_alpha)
 
     def __repr__(self) -> str:
         return f"Clip {self.row['id']}: {self.row['caption']}"

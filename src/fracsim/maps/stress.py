@@ -2,15 +2,12 @@
 
 import numpy as np
 
-from fracsim.records import Array, Frame
+from fracsim.records import J_MIN, Array, Frame
 
 CHANNELS = 1
 UNIT = "Pa"
 LABEL = "stress"
 SCALE: float | None = None
-J_MIN = 0.05
-"""Smallest volume ratio that divides, that of `fracsim.tensor`: a law takes J for 0.05 where it is smaller, also in
-inverted material, so that tau belongs to this J."""
 
 
 def quantity(frame: Frame, camera_axes: Array) -> Array:
