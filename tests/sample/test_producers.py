@@ -89,9 +89,9 @@ def test_a_generated_clip_of_a_simulated_scene_has_a_place_of_its_own(clip: Clip
 
 def test_a_strip_without_alpha_shows_all_pixels(clip: Clip, tmp_path: Path) -> None:
     path = write(generated(), clip, tmp_path)
-    # Four panels of 64 x 48 with gaps of 4, under a title of 24.
-    frames = decode(path / "strip.mp4", 4 * 68 + 4, 24 + 48 + 4, "rgb", 0, FRAMES)
-    empty = frames[0, 26:32, 2 * 68 + 6 : 2 * 68 + 66].astype(int)  # stress is 0 there: dark violet, not white
+    # Four panels of 64 x 48 with gaps of 4, under a title of 42: two lines, for names and scales do not fit into one.
+    frames = decode(path / "strip.mp4", 4 * 68 + 4, 42 + 48 + 4, "rgb", 0, FRAMES)
+    empty = frames[0, 44:50, 2 * 68 + 6 : 2 * 68 + 66].astype(int)  # stress is 0 there: dark violet, not white
     assert np.abs(empty - [68, 1, 84]).max() < 25
 
 

@@ -11,7 +11,7 @@ from fracgen.sampling import picture
 from fracsim.records import Array
 from fracsim.sample import Sample
 from fracsim.sample.picture import frames
-from fracsim.sample.strip import GAP, TITLE
+from fracsim.sample.strip import GAP, top
 
 CELL = 160
 """Width and height of a picture [px]."""
@@ -57,7 +57,8 @@ def _clip(sample: Sample, name: str) -> list[Array]:
     tiles = 1 + len(sample.meta["maps"])
     wide = (strip.shape[1] - GAP) // tiles
     high = (wide - GAP) * size[1] // size[0]
-    panels = [strip[TITLE : TITLE + high, k * wide + GAP : (k + 1) * wide] for k in range(1, tiles)]
+    first = top(strip.shape[0], high)
+    panels = [strip[first : first + high, k * wide + GAP : (k + 1) * wide] for k in range(1, tiles)]
     return [*colour, *(_titled(_square(p), n) for p, n in zip(panels, sample.meta["maps"], strict=True))]
 
 

@@ -18,8 +18,10 @@ from fracsim.sample.video import Encoder
 
 WIDEST = 320
 """Panels are reduced by a whole factor until they are no wider [px]."""
-TITLE, GAP = 24, 4
-"""Height of the labels and width of the space between panels [px]."""
+LINE, MARGIN, GAP = 18, 6, 4
+"""Height of a line of the labels, of the space around them, and width of that between panels [px]."""
+CLOCK = "t = 00.000 s"
+"""As wide as the time of a frame."""
 GREY = "#606060"
 COLOURS = ("viridis", "inferno", "plasma", "cividis")
 """Matplotlib colour maps of the scalar maps, in turn."""
@@ -30,6 +32,12 @@ def reduction(width: int) -> int:
     return -(-width // WIDEST)
 
 
+def top(strip: int, panel: int) -> int:
+    """The first row of the panels of a strip of this height, which are `panel` high [px]; the height is even."""
+    below = panel + GAP
+    return strip - below - below % 2
+
+
 class Strip:
     """Collects frames of a sample and encodes them."""
 
@@ -37,6 +45,7 @@ class Strip:
         self._factor = reduction(header.width)
         self._shape = -(-header.height // self._factor), -(-header.width // self._factor)
         self._header = header
+        self._title = LINE + MARGIN
         self._peaks = dict.fromkeys(header.maps, 0.0)
         self._ranges: list[list[tuple[float, float]]] = []
         self._scratch_path = folder / "strip.scratch"
@@ -71,16 +80,18 @@ class Strip:
         """Write the strip and drop the scratch file; raises OSError when the disk is full."""
         h, w = self._shape
         tiles = self._header.rgb + len(self._header.maps)
-        width, height = tiles * (w + GAP) + GAP, TITLE + h + GAP
         scales = {name: info.scale or self._peaks[name] or 1.0 for name, info in self._header.maps.items()}
+        fits = all(_font().getlength(label + full) + 3 * GAP <= w for label, full in self._texts(scales))
+        self._title = (1 if fits else 2) * LINE + MARGIN
+        width, height = tiles * (w + GAP) + GAP, self._title + h + GAP
         background = self._background(width + width % 2, height + height % 2, scales)
         self._scratch.seek(0)
         with Encoder(path, width + width % 2, height + height % 2, "strip") as encoder:
             for index, ranges in enumerate(self._ranges):
-                picture = _stamped(background, f"t = {index / self._header.fps:.3f} s" if self._header.rgb else "")
+                picture = self._stamped(background, f"t = {index / self._header.fps:.3f} s")
                 for k, tile in enumerate(self._tiles(ranges, scales)):
                     left = GAP + k * (w + GAP)
-                    picture[TITLE : TITLE + h, left : left + w] = tile
+                    picture[self._title : self._title + h, left : left + w] = tile
                 encoder.write(picture)
         self.close()
 
@@ -93,14 +104,27 @@ class Strip:
         """A white picture with lines between the panels, their names, and what their full colours mean."""
         picture = Image.new("RGB", (width, height), "white")
         draw, step = ImageDraw.Draw(picture), self._shape[1] + GAP
-        texts = [("rgb", "")] if self._header.rgb else []
-        texts += [(i.label, f"0 to {amount(scales[name], i.unit)}") for name, i in self._header.maps.items()]
-        for k, (label, full) in enumerate(texts):
+        below = self._title - MARGIN - LINE  # in a line of its own where a panel is too narrow for one
+        for k, (label, full) in enumerate(self._texts(scales)):
             draw.text((GAP + k * step + 4, 4), label, fill="black", font=_font())
-            draw.text(((k + 1) * step - 4, 4), full, fill=GREY, font=_font(), anchor="ra")
+            if full != CLOCK:
+                draw.text(((k + 1) * step - 4, 4 + below), full, fill=GREY, font=_font(), anchor="ra")
             if k:
                 draw.line([k * step + GAP // 2, 0, k * step + GAP // 2, height], fill="#d8d8d8")
         return picture
+
+    def _texts(self, scales: dict[str, float]) -> list[tuple[str, str]]:
+        """The name of each panel, and what is said beside it: the time, or what the full colour means."""
+        texts = [("rgb", CLOCK)] if self._header.rgb else []
+        return texts + [(i.label, f"0 to {amount(scales[name], i.unit)}") for name, i in self._header.maps.items()]
+
+    def _stamped(self, background: Image.Image, time: str) -> Array:
+        """A copy of the picture with the time of a frame behind the first label, uint8 [H, W, 3]."""
+        picture = background.copy()
+        if self._header.rgb:
+            at = (GAP + 40, 4) if self._title == LINE + MARGIN else (GAP + 4, 4 + LINE)
+            ImageDraw.Draw(picture).text(at, time, fill=GREY, font=_font())
+        return np.array(picture)
 
     def _tiles(self, ranges: list[tuple[float, float]], scales: dict[str, float]) -> list[Array]:
         """The next frame of the scratch file as uint8 pictures."""
@@ -165,10 +189,3 @@ def _table(name: str) -> Array:
 @cache
 def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size=14)
-
-
-def _stamped(background: Image.Image, text: str) -> Array:
-    """A copy of the picture with a text behind the first label, uint8 [H, W, 3]."""
-    picture = background.copy()
-    ImageDraw.Draw(picture).text((GAP + 40, 4), text, fill=GREY, font=_font())
-    return np.array(picture)
