@@ -10,7 +10,7 @@ from fracsim.records import Array
 from fracsim.solve.simulator import Simulator
 from fracsim.verify.problems import decay, translation
 
-from .bars import angular_momentum, free, gripped, lattice, momentum, ordered, particles, scene
+from .bars import angular_momentum, driven, free, lattice, momentum, ordered, particles, scene
 
 FORMS = ("total", "updated")
 TURN = {"total": 1e-3, "updated": 1e-9}
@@ -131,8 +131,8 @@ def one_frame(threads: int) -> Array:
     solver = Solver(cells=60)
     s = scene(material=Material(law="fixed_corotated", E=2e3, nu=0.3), solver=solver, backend=Backend(threads=threads),
               loading=Loading(offset=0.15, speed=0.5), capture=Capture(frames=1))  # fmt: skip
-    state = gripped(s, particles(ordered(lattice((0.6, 0.2, 0.2), solver.spacing), solver.h), solver.spacing))
-    assert state.drive.threads == threads
+    solid = particles(ordered(lattice((0.6, 0.2, 0.2), solver.spacing), solver.h), solver.spacing)
+    state = driven(s, solid, "serial" if threads == 1 else "threads", threads)
     state.run(60, 4e-4, 0.0)
     return state.points.U.to_numpy()
 

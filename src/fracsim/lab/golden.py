@@ -65,7 +65,7 @@ SCENES: dict[str, tuple[str, ...]] = {
                 "material.viscosity=400", "asset=croissant"),
     "one and a half particles an axis": (*TORN, "solver.particles_per_axis=1.5", "solver.cells=60"),
     "oblique camera, one map": (*TORN, "camera=oblique", "capture.maps=[damage]", "asset=bear"),
-    "two threads": (*TORN, "solver.cells=60", "backend.threads=2"),
+    "two threads": (*TORN, "solver.cells=100", "backend.threads=2"),
     "mesh": (*TORN, "asset=mesh", "asset.path=MESH", "material=rubber"),
     "splats": (*TORN, "asset=ply", "asset.path=SPLATS"),
     "blows up": (*TORN, "solver.cells=100", "solver.dt=9e-3", "solver.dt_override=true", "asset=bar"),
