@@ -12,7 +12,7 @@ import numpy as np
 from fracsim.lab.stage import momentum
 from fracsim.mpm import params as slot
 from fracsim.mpm.timestep import damping
-from fracsim.records import Frame
+from fracsim.records import Array, Frame
 from fracsim.scene.vocab import CENTRE
 from fracsim.solve.report import History
 from fracsim.solve.simulator import Simulator
@@ -93,14 +93,15 @@ class Watch:
 
     def _positions(self, frame: Frame) -> None:
         """The frame's positions are those of the state; grips have moved by v t along the axis."""
-        s, load = self.sim.state, self.scene.loading
+        s, load, world = self.sim.state, self.scene.loading, self.sim.lattice
         held, intact = self.sim.state.side != 0, frame.d < 1
-        U = s.points.U.to_numpy().astype(np.float64)
+        U = world.vectors_to_world(s.points.U.to_numpy().astype(np.float64))
+        X0 = world.vectors_to_world(s.X0.astype(np.float64))
         shown = frame.x - np.asarray(CENTRE)
         free = ~held & (intact | (not s.total))
         # x is float32, and a sum of X and U in the precision of the run.
         tolerance = 4 * np.finfo(np.float32).eps * (2 + np.abs(U).max(initial=0))
-        if free.any() and np.abs(shown - s.X0 - U)[free].max() > tolerance:
+        if free.any() and np.abs(shown - X0 - U)[free].max() > tolerance:
             self.violated("frame", f"x of frame {frame.index} is not where the state has its particles")
         if load.grips == "soft" or not held.any():
             return
@@ -129,6 +130,10 @@ class Watch:
         except ValueError as error:
             self.violated("summary", f"at frame {frame.index}: {error}")
 
+    def _momentum_of_world(self) -> Array:
+        """Momentum of the particles [N s], (3,), in the world."""
+        return self.sim.lattice.vectors_to_world(momentum(self.sim.state))
+
     def _momentum(self, frame: Frame) -> None:
         """Momentum along the axis changes by the impulses of grips and gravity.
 
@@ -137,14 +142,14 @@ class Watch:
         """
         s, m, damped = self.sim.state, self.scene.material, self.scene.solver.damping != "none"
         if frame.index == 0:  # what grips hold is in motion before the first substep, without an impulse
-            self._start = momentum(s)
+            self._start = self._momentum_of_world()
         failed = s.total and frame.failed.any()
         if (damped and m.decay > 0) or self.scene.solver.walls or failed:
             return
         sums, axis = s.sums(), np.asarray(self.scene.loading.axis)
         weight = float(self.mass.sum() * np.asarray(self.scene.loading.gravity) @ axis)
         impulse = sums[slot.PULL_LOW] + sums[slot.PULL_HIGH] + weight * frame.t
-        off = abs(float((momentum(s) - self._start) @ axis) - impulse)
+        off = abs(float((self._momentum_of_world() - self._start) @ axis) - impulse)
         self._largest_sum = max(self._largest_sum, self._grid_sum(frame))
         slack = (SUMMED * self.eps + NEGLIGIBLE) * (1 + self.sim.report.substeps) * self._largest_sum
         if off > slack:
