@@ -148,7 +148,7 @@ class Watch:
             return
         sums, axis = s.sums(), np.asarray(self.scene.loading.axis)
         weight = float(self.mass.sum() * np.asarray(self.scene.loading.gravity) @ axis)
-        impulse = sums[slot.PULL_LOW] + sums[slot.PULL_HIGH] + weight * frame.t
+        impulse = sums[slot.PULL_LOW] + sums[slot.PULL_HIGH] + weight * (s.pushed if s.total else frame.t)
         off = abs(float((self._momentum_of_world() - self._start) @ axis) - impulse)
         self._largest_sum = max(self._largest_sum, self._grid_sum(frame))
         slack = (SUMMED * self.eps + NEGLIGIBLE) * (1 + self.sim.report.substeps) * self._largest_sum

@@ -100,6 +100,9 @@ class State:
         self._saved: list[Any] = []
         self._fragment, self._offset = np.zeros(self.n, np.int64), np.zeros(1, np.int64)
         self.stiffness, self._last_dt = rest_stiffness(medium), 0.0
+        self.pushed = 0.0
+        """Time over which forces have acted [s]: half a substep less than has passed, where velocities are those of the
+        middle of a substep (`fracsim.mpm.leapfrog`)."""
         self.params = self._constants()
         self.relayout(self.X0)
 
@@ -197,7 +200,9 @@ class State:
             for step in range(1 if self.drive.kind == "serial" else n + 1):
                 kernel(step, n, self._params, *self.points.arrays(), *self.grid.arrays(), *tally)
         self.first_substep, self._last_dt = False, dt
-        return min(n, int(self._last.to_numpy().min()) + 1) if turn < math.inf else n
+        made = min(n, int(self._last.to_numpy().min()) + 1) if turn < math.inf else n
+        self.pushed += float(self.params[slot.KICK]) + (made - 1) * dt
+        return made
 
     def start(self) -> None:
         """Give the nodes that grips hold their velocities before the first substep (`total`).
@@ -211,6 +216,7 @@ class State:
             for array, values in rest:  # frame 0 is at rest, exactly
                 array.from_numpy(values)
             self._sums.from_numpy(np.zeros(self._sums.shape))
+            self.pushed = 0.0
 
     def _set_substep(self, dt: float, t: float, turn: float) -> None:
         """Set the parameters that depend on the substep."""
