@@ -36,8 +36,8 @@ def inline(function: Callable[..., Any]) -> Any:
 
 
 def is_lanes(value: Any) -> bool:
-    """Whether a number in a kernel is a vector of lanes."""
-    return isinstance(value, Expr) and value.is_tensor() and tuple(value.get_shape()) == (WIDTH,)
+    """Whether a number in a kernel is a vector of lanes; in kernels without lanes a vector of WIDTH is none."""
+    return Vectors.compiling and isinstance(value, Expr) and value.is_tensor() and tuple(value.get_shape()) == (WIDTH,)
 
 
 @inline
@@ -158,12 +158,14 @@ class Matrix3:
 class Vectors:
     """`with Vectors():` kernels that are called for the first time are compiled with lanes in registers."""
 
+    compiling = False
+
     def __enter__(self) -> None:
         _extend()
-        _config().real_matrix_scalarize = False
+        Vectors.compiling, _config().real_matrix_scalarize = True, False
 
     def __exit__(self, *_: object) -> None:
-        _config().real_matrix_scalarize = True
+        Vectors.compiling, _config().real_matrix_scalarize = False, True
 
 
 def _config() -> Any:

@@ -76,6 +76,22 @@ def test_an_operation_on_lanes_is_that_of_numpy(what: str, computed: tuple[Array
     assert results[:, list(OPERATIONS).index(what)] == pytest.approx(np.asarray(expected, float), rel=1e-12, abs=1e-13)
 
 
+def test_other_kernels_of_the_process_keep_their_vectors_of_eight() -> None:
+    """`+=` of a vector in a field is atomic: two threads lose nothing."""
+    backend.start(Backend(threads=2))
+    with Vectors():
+        pass
+    sums = ti.Vector.field(WIDTH, ti.f64, ())
+
+    @ti.kernel
+    def add():
+        for _ in range(100_000):
+            sums[None] += ti.Vector([1.0] * WIDTH)
+
+    add()
+    assert (sums[None].to_numpy() == 100_000).all()
+
+
 def pulled(law: str, pressure: str, boundary: str, precision: str, onset: float = 1.05) -> State:
     """A short bar that tears within a few hundred substeps, with viscosity, decay, gravity and grips."""
     s = scene(
