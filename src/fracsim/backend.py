@@ -67,7 +67,7 @@ def _spread(pool: set[int], count: int) -> None:
     """Give each of the threads of a pool a core of its own, if they are `count` and as many as there are cores.
 
     All of them work on each substep, which lasts as long as the slowest: where a system puts two on one core, as Linux
-    does a third of the time on two cores, a substep takes twice as long.
+    at times does, a substep takes twice as long.
     """
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_setaffinity") else []
     if 1 < count == len(cores) <= len(pool):
