@@ -3,30 +3,41 @@
 A particle that has failed, or a lane without one, has damage 1 and volume 0: it moves nothing and is not moved.
 """
 
-from typing import Any, NamedTuple
-
 import taichi as ti
 
-from fracsim.lanes import WIDTH, matrix, some, total
+from fracsim.lanes import WIDTH, some, total
 from fracsim.mpm.context import Strain
-from fracsim.mpm.lanes.groups import AT, FIRST, HELD, MERGED, SLOTS
+from fracsim.mpm.lanes.damaging import freed_lanes, grown_lanes, set_damage, shared
+from fracsim.mpm.lanes.groups import AT, FIRST, HELD, SLOTS
+from fracsim.mpm.lanes.record import (
+    AFFINE,
+    DAMAGE,
+    FORCE,
+    GRAD,
+    GRIP,
+    MOTION,
+    NOW,
+    OFFSET,
+    RATIO,
+    SHIFT,
+    VELOCITY,
+    VOLUME,
+    alive,
+    nine,
+    three,
+)
 from fracsim.mpm.lanes.transfer import PLACES, add_to_nodes, clear_sums, fetch_nodes, gather_lanes, scatter_lanes
 from fracsim.mpm.leapfrog import kick, projected_part
 from fracsim.mpm.params import (
     ALPHA,
     CELL,
     CLAMPED,
-    CRIT,
     DAMAGED,
     DENSITY,
     DT,
     INV_CELL,
-    LAM,
     MAX_SPEED,
-    MU,
-    ONSET,
     PROJECTED,
-    RELEASED,
     SPEED,
     SPEED_FAULT,
     TURN,
@@ -37,53 +48,8 @@ from fracsim.mpm.params import (
 )
 from fracsim.mpm.stress import degraded_stress
 from fracsim.mpm.tally import add, report_fault, request_stop
-from fracsim.mpm.transfer import kinetic_of_nodes, projection_loss
+from fracsim.mpm.transfer import projection_loss
 from fracsim.tensor import J_MIN, cofactor, deformed, volume_ratio
-
-# Columns of a record: offset from the lowest node [cells], volume at rest [m^3], damage, displacement [m], grad u,
-# excess of strain by which thresholds rise, grip, body force a mass [m/s^2].
-OFFSET, VOLUME, DAMAGE, SHIFT, GRAD, EXCESS, GRIP, FORCE, FIELDS = 0, 3, 4, 5, 8, 17, 18, 19, 22
-NEVER = 1e6
-"""Excess of strain of particles that gather no damage: their thresholds are then out of reach, which saves work."""
-# Columns of a motion: velocity [m/s], affine velocity [1/s], and of a kept one J and the damage to come besides.
-VELOCITY, AFFINE, MOTION, RATIO, NOW, KEPT = 0, 3, 12, 12, 13, 14
-
-
-class LaneArrays(NamedTuple):
-    """The arrays of G groups with R records; all but tables are of vectors of WIDTH."""
-
-    rows: Any
-    """See `fracsim.mpm.lanes.groups`, (G, COLUMNS) int."""
-    owner: Any
-    """(G,)."""
-    particle: Any
-    """(R, WIDTH) int."""
-    record: Any
-    """(R, FIELDS)."""
-    motion: Any
-    """Velocity and affine velocity between calls, (R, MOTION)."""
-    kept: Any
-    """Motion of a group's particles, their J and damage, within a substep, (threads * most slots, KEPT)."""
-    pad: Any
-    """See `fracsim.mpm.lanes.transfer`, (threads * PLACES,)."""
-
-
-@ti.func
-def nine(array: ti.template(), r, first: ti.template()):
-    """The 3 x 3 matrix in columns `first` and following of a record."""
-    return matrix([[array[r, first + 3 * i + j] for j in ti.static(range(3))] for i in ti.static(range(3))])
-
-
-@ti.func
-def three(array: ti.template(), r, first: ti.template()):
-    """The three vectors in columns `first` and following of a record."""
-    return [array[r, first + k] for k in ti.static(range(3))]
-
-
-@ti.func
-def alive(r, c: ti.template()):
-    """Which lanes hold a particle that has not failed."""
-    return c.particles.record[r, DAMAGE] < 1
 
 
 @ti.func
@@ -131,99 +97,6 @@ def advance_lanes(q, r, k, c: ti.template()):
     taken = (c.params[DENSITY] / 2) * b.record[r, VOLUME] * (speed + (h * h / 4) * turn)
     fault = ti.select((speed < limit * limit) | (b.record[r, DAMAGE] >= 1), 0 * speed, 1)
     return taken, ti.select(live, turn, 0 * turn), fault
-
-
-@ti.func
-def grown_lanes(r, F: ti.template(), J, c: ti.template()):
-    """Damage of a record at F: at least what it was (`fracsim.mpm.damaging.grown`)."""
-    d, excess = c.particles.record[r, DAMAGE], c.particles.record[r, EXCESS]
-    onset, crit = c.params[ONSET], c.params[CRIT]
-    raw = c.variant.damage.raw(F, J, onset + excess * (onset - 1), crit + excess * (crit - 1))
-    return ti.select((d < 1) & (excess < NEVER), ti.max(d, raw), d)
-
-
-@ti.func
-def halfway_lanes(r, k, c: ti.template()):
-    """F of a record in the middle of the substep that has just moved it."""
-    return deformed(nine(c.particles.record, r, GRAD) - nine(c.particles.kept, k, AFFINE) * (c.params[DT] / 2))
-
-
-@ti.func
-def freed_lanes(q, first, slots, keep, c: ti.template()):
-    """Energy [J] that growth of damage frees in each cell (`fracsim.mpm.damaging.freed_of_cell`)."""
-    b = ti.static(c.particles)
-    mu, lam, tiny = c.params[MU], c.params[LAM], 1e-30
-    none = 0 * b.record[first, VOLUME]
-    before, before_J, after, after_J, out = none, none, none, none, none
-    theta = none
-    for p in range(slots):
-        r, k = first + p, keep + p
-        d, V = b.record[r, DAMAGE], b.record[r, VOLUME]
-        now = b.kept[k, NOW]
-        J = halfway_lanes(r, k, c).determinant()
-        before, before_J = before + (1 - d) * V, before_J + (1 - d) * V * J
-        after, after_J = after + (1 - now) * V, after_J + (1 - now) * V * J
-    before, before_J, after, after_J = (
-        shared(q, before, c), shared(q, before_J, c), shared(q, after, c), shared(q, after_J, c))  # fmt: skip
-    if ti.static(c.variant.cellwise):
-        theta = ti.max(before_J / ti.max(before, tiny), J_MIN)
-    then = ti.max(after_J / ti.max(after, tiny), J_MIN)
-    for p in range(slots):
-        r, k = first + p, keep + p
-        F = halfway_lanes(r, k, c)
-        if ti.static(not c.variant.cellwise):
-            theta = F.determinant()
-        psi = c.variant.law.psi(F, theta, mu, lam)
-        out = out + (b.kept[k, NOW] - b.record[r, DAMAGE]) * b.record[r, VOLUME] * psi
-    if ti.static(c.variant.cellwise):
-        out = out + freed_pressure(q, after, theta, then, c)
-    return out
-
-
-@ti.func
-def freed_pressure(q, rest, theta, then, c: ti.template()):
-    """Energy [J] that a change of a cell's volume ratio from theta to then frees in the rest [m^3] of the cell."""
-    mu, lam = c.params[MU], c.params[LAM]
-    one, zero = 0 * rest + 1, 0 * rest
-    I = matrix([[one, zero, zero], [zero, one, zero], [zero, zero, one]])
-    out, ratio = zero, theta
-    for k in range(2):  # a loop, so that the law is compiled once
-        sign = ti.select(k == 0, 1, -1)
-        out = out + (rest * c.variant.law.psi(I, ratio, mu, lam)) * sign
-        ratio = then
-    other = c.particles.owner[q] - ti.Vector([1.0 * l for l in ti.static(range(WIDTH))])
-    return ti.select(other * other < 0.5, out, zero)  # once a cell
-
-
-@ti.func
-def shared(q, values, c: ti.template()):
-    """The sums over the lanes of each cell, where several lanes are parts of one."""
-    out = values
-    if c.particles.rows[q, MERGED] != 0:
-        owner, parts = c.particles.owner[q], values
-        out = 0 * values
-        for l in ti.static(range(WIDTH)):
-            out = out + ti.select(owner == owner[l], parts[l] + 0 * parts, 0 * parts)
-    return out
-
-
-@ti.func
-def set_damage(q, r, k, c: ti.template()):
-    """Set the damage of a record; what fails leaves the grid with its share of the nodes' energy, and moves on."""
-    b = ti.static(c.particles)
-    now = b.kept[k, NOW]
-    failing = (now >= 1) & alive(r, c)
-    if some(failing):
-        for l in range(WIDTH):
-            p = b.particle[r, l]
-            if p >= 0 and b.record[r, DAMAGE][l] < 1 and now[l] >= 1:
-                f = ti.Vector([b.record[r, OFFSET + m][l] for m in ti.static(range(3))])
-                mass = c.params[DENSITY] * b.record[r, VOLUME][l]
-                add(c.tally, RELEASED, mass * kinetic_of_nodes(c.grid, b.rows[q, AT + l], f))
-        for m in ti.static(range(MOTION)):
-            b.motion[r, m] = ti.select(failing, b.kept[k, m], b.motion[r, m])
-        b.record[r, VOLUME] = ti.select(failing, 0 * now, b.record[r, VOLUME])
-    b.record[r, DAMAGE] = now
 
 
 @ti.func

@@ -12,7 +12,8 @@ import taichi as ti
 from fracsim.lanes import WIDTH, vector
 from fracsim.mpm.context import Context, NodeArrays, Variant
 from fracsim.mpm.kernels import CHUNK, last_step, types
-from fracsim.mpm.lanes.cell import (
+from fracsim.mpm.lanes.cell import update_group
+from fracsim.mpm.lanes.record import (
     AFFINE,
     DAMAGE,
     EXCESS,
@@ -25,7 +26,6 @@ from fracsim.mpm.lanes.cell import (
     VELOCITY,
     VOLUME,
     LaneArrays,
-    update_group,
 )
 from fracsim.mpm.node import update_node
 from fracsim.mpm.params import ABOVE, EXEMPT, FREE, PARAMETERS

@@ -10,9 +10,9 @@ from fracsim.lanes import WIDTH, Vectors
 from fracsim.mpm.context import Variant
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.grid import NodeGrid
-from fracsim.mpm.lanes.cell import FIELDS, FORCE, KEPT, MOTION
 from fracsim.mpm.lanes.groups import SLOTS, groups
 from fracsim.mpm.lanes.kernels import exchange, lane_substeps
+from fracsim.mpm.lanes.record import FIELDS, FORCE, KEPT, MOTION
 from fracsim.mpm.lanes.transfer import PLACES
 from fracsim.mpm.layout import Layout, cells
 from fracsim.mpm.points import Points
