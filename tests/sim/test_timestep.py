@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from fracsim import Capture, Fracture, Loading, Material, Scene, Solver
+from fracsim.bench.spectrum import ratio
+from fracsim.lab.stage import lattice, ordered
 from fracsim.mpm import params as slot
 from fracsim.mpm.state import State
-from fracsim.mpm.timestep import damping, require_stable, stable_at_rest
-from fracsim.scene.vocab import DT0
+from fracsim.mpm.timestep import BODY, damping, limit, require_stable, rest_stiffness, stable, stable_at_rest
+from fracsim.scene.vocab import CENTRE, DT0
 from fracsim.solve.march import SimulationError
 from fracsim.solve.setup import medium, ready
 from fracsim.solve.simulator import Simulator
@@ -46,6 +48,36 @@ def test_bound_is_where_an_isolated_particle_blows_up(viscosity: float) -> None:
     assert blows_up(single(setting(viscosity=viscosity), X), 1.03 * bound)
 
 
+@pytest.mark.parametrize("viscosity", [0.0, 10.0, 300.0])
+def test_auto_is_stable_for_a_particle_by_itself(viscosity: float) -> None:
+    """`limit` counts on a body, but dt^2 k + 2 b dt <= 4 still holds for one particle at solver.safety=0.8."""
+    m = medium(setting(viscosity=viscosity))
+    dt = limit(m, rest_stiffness(m), 0.0, 0.0)
+    assert stable_at_rest(m) * 0.8 < dt <= stable_at_rest(m)
+    assert not blows_up(single(setting(viscosity=viscosity), np.float32([[1.003, 1.005, 0.998]])), 0.995 * dt)
+
+
+@pytest.mark.parametrize("viscosity", [0.0, 100.0])
+def test_a_body_bears_the_substep_of_its_spectrum(viscosity: float) -> None:
+    """A block of 4^3 cells, whose largest eigenvalue is 0.6 of that of a particle, is stable where `stable` says so."""
+    s = setting(viscosity=viscosity)
+    m = medium(s)
+    X = ordered(lattice((4 * m.h,) * 3, m.solver.spacing), m.h)
+    body = ratio((X - CENTRE) / m.h, np.ones(len(X)))
+    assert body == pytest.approx(0.606, abs=0.002)
+    assert body < BODY
+    bound = stable(m, rest_stiffness(m), body)
+    assert bound > 1.2 * stable_at_rest(m)
+    assert not blows_up(single(s, X.astype(np.float32)), 0.99 * bound)
+
+
+def test_what_shares_no_nodes_has_the_spectrum_of_a_particle() -> None:
+    """One particle, two that are far from each other, and a sheet of one layer."""
+    sheet = np.stack([*np.meshgrid(np.arange(8) / 2 + 0.25, np.arange(8) / 2 + 0.25), np.full((8, 8), 0.25)], axis=-1)
+    for y in (np.array([[0.3, 0.2, 0.1]]), np.array([[0.3, 0.2, 0.1], [9.0, 9.0, 9.0]]), sheet.reshape(-1, 3)):
+        assert ratio(y, np.ones(len(y))) == pytest.approx(1, abs=1e-6)
+
+
 def test_auto_dt_lands_on_frames_and_respects_the_bound() -> None:
     s = setting()
     s.loading = Loading(offset=0.15, thickness=0.05, speed=1.0)
@@ -54,7 +86,8 @@ def test_auto_dt_lands_on_frames_and_respects_the_bound() -> None:
     h = simulator.report.history
     assert times == pytest.approx([0, 0.01, 0.02])
     assert h.dt_t[-1] == pytest.approx(0.02, rel=1e-9)
-    assert max(h.dt) <= 0.8 * stable_at_rest(medium(s)) * (1 + 1e-9)
+    m = medium(s)
+    assert max(h.dt) <= 0.8 * stable(m, rest_stiffness(m), BODY) * (1 + 1e-9)
 
 
 def test_fixed_dt_beyond_the_bound_is_refused_with_the_bound() -> None:

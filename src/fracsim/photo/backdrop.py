@@ -1,10 +1,8 @@
 """What is behind the object in a photo: the photo as a camera shows it, with the object taken out."""
 
 import numpy as np
+import scipy  # which loads its parts where they are used
 from PIL import Image
-from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.linalg import spsolve
 
 from fracsim.camera import View
 from fracsim.photo.outline import Outline
@@ -44,13 +42,15 @@ def _sampled(picture: Array, at: Array) -> Array:
         small = Image.fromarray(np.rint(picture * 255).astype(np.uint8)).resize((width, height), Image.Resampling.BOX)
         picture = np.asarray(small) / np.float32(255)
     where = np.moveaxis(at[..., ::-1] - 0.5, -1, 0)
-    return np.stack([map_coordinates(picture[..., c], where, order=1, mode="nearest") for c in range(3)], axis=-1)
+    return np.stack(
+        [scipy.ndimage.map_coordinates(picture[..., c], where, order=1, mode="nearest") for c in range(3)], axis=-1
+    )
 
 
 def _hole(mask: Array) -> Array:
     """The object and its rim, (H, W) bool."""
     reach = max(1, round(RIM * max(mask.shape)))
-    out: Array = binary_dilation(mask, iterations=reach)
+    out: Array = scipy.ndimage.binary_dilation(mask, iterations=reach)
     return out
 
 
@@ -105,15 +105,15 @@ def _membrane(colours: Array, known: Array) -> Array:
         columns.append(number[y[~fixed], x[~fixed]])
     i, j = np.concatenate([here, *rows]), np.concatenate([here, *columns])
     values = np.concatenate([count, *(np.full(len(k), -1.0) for k in rows)])
-    matrix = csr_matrix(coo_matrix((values, (i, j)), shape=(len(r), len(r))))
-    out[~known] = spsolve(matrix, right).reshape(-1, 3)
+    matrix = scipy.sparse.csr_matrix(scipy.sparse.coo_matrix((values, (i, j)), shape=(len(r), len(r))))
+    out[~known] = scipy.sparse.linalg.spsolve(matrix, right).reshape(-1, 3)
     return out
 
 
 def _grain(picture: Array, hole: Array) -> Array:
     """Noise (H, W, 1) as strong as the finest structure of the ground, so that the fill is no smooth patch."""
     grey = picture.mean(axis=2)
-    fine = (grey - gaussian_filter(grey, GRAIN))[~hole]
+    fine = (grey - scipy.ndimage.gaussian_filter(grey, GRAIN))[~hole]
     spread = 1.48 * float(np.median(np.abs(fine))) if fine.size else 0.0
     noise: Array = np.random.default_rng(0).normal(0, spread, hole.shape)[..., None]
     return noise

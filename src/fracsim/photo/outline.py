@@ -9,8 +9,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
+import scipy  # which loads its parts where they are used
 from PIL import Image
-from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from fracsim.camera import PHOTO_DISTANCE, View
 from fracsim.photo import cutting
@@ -64,7 +64,9 @@ class Outline:
         level = round(np.log2(max(width * self.extent, 1)))  # a pixel of this level is about as wide
         picture, factor = self._level(level)
         where = (self.to_photo(at) * factor)[:, ::-1].T - 0.5
-        return np.stack([map_coordinates(picture[..., c], where, order=1, mode="nearest") for c in range(3)], axis=-1)
+        return np.stack(
+            [scipy.ndimage.map_coordinates(picture[..., c], where, order=1, mode="nearest") for c in range(3)], axis=-1
+        )
 
     def _level(self, level: int) -> tuple[Array, Array]:
         """The photo, 2^level times smaller, with the object's nearest colours as its ground; and the factor of both
@@ -77,7 +79,7 @@ class Outline:
     @cached_property
     def _own(self) -> Image.Image:
         """The photo with the object's nearest colours as its ground."""
-        nearest = distance_transform_edt(~self.mask, return_distances=False, return_indices=True)
+        nearest = scipy.ndimage.distance_transform_edt(~self.mask, return_distances=False, return_indices=True)
         return Image.fromarray(self.photo.rgb[tuple(nearest)])
 
     def frame(self, width: int, height: int) -> tuple[float, float, float, float]:

@@ -13,6 +13,8 @@ History = Mapping[str, Sequence[float]]
 """Curves over frames: t [s], nominal_stretch, load [N], stretch_max, damaged and failed (fractions); over
 substeps: dt_t and dt [s]. What is missing is left out."""
 
+MARGINS = {"left": 0.08, "right": 0.985, "top": 0.95, "bottom": 0.08, "wspace": 0.2, "hspace": 0.3}
+"""A layout that fits itself would draw everything twice."""
 BLUE, ORANGE, RED, GREY = "#31688e", "#d9822b", "#b5323c", "#707070"
 
 
@@ -20,7 +22,8 @@ def plot(
     history: History, report: Mapping[str, Any], path: Path, thresholds: tuple[float, float] | None = None
 ) -> None:
     """Draw the four panels to `path`; report["break_frame"] is marked, `thresholds` are onset and crit stretch."""
-    figure = Figure(figsize=(10, 7), layout="constrained")
+    figure = Figure(figsize=(10, 7))
+    figure.subplots_adjust(**MARGINS)
     FigureCanvasAgg(figure)
     load, stretch, damage, step = figure.subplots(2, 2).flat
     broken = report.get("break_frame")

@@ -134,11 +134,15 @@ class Strip:
             tiles.append(self._next(np.uint8, (*self._shape, 3)))
         if self._header.alpha:
             alpha = self._next(np.uint8, (*self._shape, 1)).astype(np.float32) / 255
+        covered = alpha[..., 0] > 0  # most pixels are empty and need no arithmetic
+        alpha = alpha[covered]
         for (name, info), span in zip(self._header.maps.items(), ranges, strict=True):
-            planes = self._planes(info, span) / np.float32(scales[name])
+            planes = self._planes(info, span)[:, covered] / np.float32(scales[name])
             colour = vectors(planes) if info.channels == 2 else scalar(planes, COLOURS[scalars % len(COLOURS)])
             scalars += info.channels != 2
-            tiles.append((255 * (1 - alpha) + colour * alpha + 0.5).astype(np.uint8))
+            tile: Array = np.full((*self._shape, 3), 255, np.uint8)
+            tile[covered] = 255 * (1 - alpha) + colour * alpha + 0.5
+            tiles.append(tile)
         return tiles
 
     def _planes(self, info: MapInfo, span: tuple[float, float]) -> Array:
@@ -161,13 +165,13 @@ def amount(value: float, unit: str) -> str:
 
 
 def scalar(planes: Array, colours: str) -> Array:
-    """Colours 0..255 of values in [0, 1], planes [C, H, W] to [H, W, 3]; several channels show their length."""
+    """Colours 0..255 of values in [0, 1], planes [C, ...] to [..., 3]; several channels show their length."""
     length = planes[0] if len(planes) == 1 else np.linalg.norm(planes, axis=0)
     return np.asarray(_table(colours)[(np.clip(length, 0, 1) * 255).astype(np.uint8)])
 
 
 def vectors(planes: Array) -> Array:
-    """Colours 0..255 of (right, up) vectors up to 1 long, [2, H, W] to [H, W, 3]: direction as hue on light grey.
+    """Colours 0..255 of (right, up) vectors up to 1 long, [2, ...] to [..., 3]: direction as hue on light grey.
 
     The saturation is the root of the length, because the recoil after a break is several times as fast as the pull.
     """
