@@ -12,7 +12,7 @@ COURANT = 0.3
 """In `updated` a particle may cross at most this part of a cell in a substep."""
 BODY = 0.8
 """Largest eigenvalue of a body, as a part of that of an isolated particle (`total`): particles share the mass of their
-nodes. It is 0.66 to 0.79 for the built-in objects before they are pulled (`python -m fracsim.bench spectrum`), and up to
+nodes. It is 0.66 to 0.79 for the built-in objects at rest (`python -m fracsim.bench spectrum`), and up to
 1 for what is one particle thin. That is still stable at solver.safety=0.8: dt^2 k + 2 b dt <= 4 in `stable`.
 """
 GROWTH = 1.05
