@@ -2,6 +2,7 @@
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -22,6 +23,20 @@ BAD, INTERRUPTED = 2, 130
 def complain(message: str) -> None:
     """Print one clear error."""
     print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
+
+
+def warn_plainly() -> None:
+    """Print warnings of these packages as one line for users, without the place in the code; others as Python does."""
+    other = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], filename: str, *rest: Any, **more: Any) -> None:
+        ours = any(f"{os.sep}{package}{os.sep}" in filename for package in ("fracsim", "fracgen"))
+        if category is UserWarning and ours:
+            print(f"warning: {' '.join(str(message).split())}", file=sys.stderr, flush=True)
+        else:
+            other(message, category, filename, *rest, **more)
+
+    warnings.showwarning = show
 
 
 def launch(program: Program[T], task: Callable[[T], Any], resume: str) -> None:
@@ -76,6 +91,7 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     if "--version" in sys.argv[1:]:
         print(f"{program.name} {__version__}")  # Hydra would print its own
         return
+    warn_plainly()
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
     rest = quoted([a for a in sys.argv[1:] if a not in multirun])
     files = [a for a in rest if a.endswith((".yaml", ".yml")) and "=" not in a and Path(a).is_file()]
