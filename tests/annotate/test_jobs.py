@@ -231,4 +231,6 @@ def test_the_commands_are_those_that_one_types(tmp_path: Path) -> None:
             "quality=preview", "camera.background=photo", f"output.folder={task.output}"} < set(simulate)  # fmt: skip
     generate = commands.Generate("runs/x", ("vae=tiny", "seed=3"))(task)
     assert generate[:4] == [sys.executable, "-m", "fracgen.sample", "run=runs/x"]
-    assert {f"image={task.picture}", f"condition={task.condition}", "fit=crop", "vae=tiny", "seed=3"} < set(generate)
+    shown = {f"image={task.picture}", f"mask={task.mask}", f"condition={task.condition}", "fit=crop"}
+    assert shown | {"vae=tiny", "seed=3"} < set(generate)
+    assert f"mask={task.mask}" not in commands.Generate("runs/x", ("cutout=none",))(task)

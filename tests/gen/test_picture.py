@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from fracgen.sampling import picture
 
@@ -54,6 +54,34 @@ def test_orientation_of_exif_is_followed(tmp_path: Path) -> None:
     seen = picture.load(tmp_path / "a.png", 32, 64).pixels
     assert seen[8, 16].tolist() == list(RED)
     assert seen[56, 16].tolist() == list(BLUE)
+
+
+def test_the_object_may_be_shown_alone_on_white(tmp_path: Path) -> None:
+    """A red disc on blue: found by its colour, or by a mask of another size; `none` keeps the ground."""
+    image, mask = Image.new("RGB", (64, 64), BLUE), Image.new("L", (128, 128), 0)
+    ImageDraw.Draw(image).ellipse((16, 16, 48, 48), fill=RED)
+    ImageDraw.Draw(mask).ellipse((32, 32, 96, 96), fill=255)
+    image.save(tmp_path / "a.png")
+    mask.save(tmp_path / "mask.png")
+    assert picture.cutout(tmp_path / "a.png", "none", "") is None
+    for method, file in (("border", ""), ("none", str(tmp_path / "mask.png"))):
+        found = picture.cutout(tmp_path / "a.png", method, file)
+        assert found is not None
+        assert found.mean() == pytest.approx(np.pi / 4 * (33 / 64) ** 2, rel=0.05)  # corners included
+        seen = picture.load(tmp_path / "a.png", 64, 64, shown=found).pixels
+        assert (seen[32, 32].tolist(), seen[4, 4].tolist()) == (list(RED), [255, 255, 255])
+
+
+@pytest.mark.parametrize(("method", "mask", "message"), [
+    ("scissors", "", r"cutout=scissors is not known"),
+    ("border", "", r"cutout=border.*no object|cutout=border.*cannot be cut out.*give its outline by mask=FILE"),
+    ("none", "gone.png", r"mask=gone\.png is not a file"),
+])  # fmt: skip
+def test_what_cannot_be_cut_out_is_named(method: str, mask: str, message: str, tmp_path: Path) -> None:
+    Image.new("RGB", (64, 64), BLUE).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match=message) as told:
+        picture.cutout(tmp_path / "a.png", method, mask)
+    assert "asset." not in str(told.value)
 
 
 def test_transparent_parts_are_white_and_half_transparent_ones_half(tmp_path: Path) -> None:

@@ -21,6 +21,9 @@ class Task:
     """Folder that gets the sample."""
 
 
+KEEP_GROUND = "cutout=none"
+
+
 def simulate(task: Task) -> list[str]:
     """The preview simulation of a photo."""
     return [
@@ -38,8 +41,9 @@ class Generate:
     overrides: Sequence[str] = ()
 
     def __call__(self, task: Task) -> list[str]:
-        """The command of a task."""
+        """The command of a task: the object is alone on white, as in training, unless `overrides` has cutout=none."""
+        mask = [] if KEEP_GROUND in self.overrides else [f"mask={task.mask}"]
         return [
-            sys.executable, "-m", "fracgen.sample", f"run={self.run}", f"image={task.picture}",
+            sys.executable, "-m", "fracgen.sample", f"run={self.run}", f"image={task.picture}", *mask,
             f"condition={task.condition}", f"fit={task.fit}", *self.overrides, f"output.folder={task.output}",
         ]  # fmt: skip

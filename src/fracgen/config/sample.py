@@ -52,6 +52,9 @@ class SampleConfig:
                           "positions belong to the picture as it is shown")  # fmt: skip
     fit: str = knob("fit", "a picture of another shape: fit it on a white canvas, or crop it",
                     choices=("fit", "crop"))  # fmt: skip
+    cutout: str = knob("none", "show the object alone on white, as simulated clips do: a way to find it, a module of "
+                               "fracsim.photo.cutouts or a file ./CUTOUT.py; none = keep the ground")  # fmt: skip
+    mask: str = knob("", "instead of cutout: picture that is white on the object and black elsewhere")
     data: str = knob("", "instead of image and condition: folder of a data set, whose clips give both")
     split: str = knob("test", "split of the clips", choices=("train", "test", "none", ALL))
     objects: list[str] = knob([], "only clips of these objects; empty = all")

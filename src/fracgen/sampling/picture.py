@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageChops
 
-from fracsim.photo import reading
+from fracsim.photo import cutting, reading
 from fracsim.records import Array
 from fracsim.scene.condition import Condition
+
+GROUND = "none"
+"""The way to cut out that keeps the ground."""
 
 
 class Picture(NamedTuple):
@@ -33,18 +36,34 @@ class Box(NamedTuple):
     height: int
 
 
-def load(path: Path | str, width: int, height: int, fit: str = "fit") -> Picture:
+def load(path: Path | str, width: int, height: int, fit: str = "fit", shown: Array | None = None) -> Picture:
     """The picture in a file, turned as its EXIF orientation says, transparent parts white, [height, width, 3].
 
-    A picture of another shape is fitted on a white canvas (fit="fit"), or its middle is cut out ("crop"). Raises
-    ValueError naming a file that is no picture, or is too large or too small.
+    A picture of another shape is fitted on a white canvas (fit="fit"), or its middle is cut out ("crop"). Of `shown`,
+    (H, W) bool of any size, only the true part is shown. Raises ValueError naming a file that is no picture, or is too
+    large or too small.
     """
-    image = reading.on_white(reading.upright(path, "image"))
+    image = reading.upright(path, "image")
+    if shown is not None:
+        mask = Image.fromarray(shown).convert("L").resize(image.size, Image.Resampling.BILINEAR)
+        image.putalpha(ImageChops.multiply(image.getchannel("A"), mask))
+    image = reading.on_white(image)
     box = place(image.size, width, height, fit)
     canvas = Image.new("RGB", (width, height), "white")
     canvas.paste(image.resize((box.width, box.height), Image.Resampling.LANCZOS), (box.left, box.top))
     corner, size = (box.left / width, box.top / height), (box.width / width, box.height / height)
     return Picture(np.asarray(canvas), corner, size)
+
+
+def cutout(path: Path | str, method: str, mask: str) -> Array | None:
+    """The object in a picture, (H, W) bool, from the file `mask` or by `method`; None for "none", with its ground.
+
+    Raises ValueError naming `image`, `cutout` or `mask`.
+    """
+    if not mask and method == GROUND:
+        return None
+    photo = reading.load(path, "image")
+    return cutting.of_file(mask, photo, prefix="") if mask else cutting.cut(photo, method, prefix="")
 
 
 def place(size: tuple[int, int], width: int, height: int, fit: str = "fit") -> Box:

@@ -65,7 +65,7 @@ def requests(cfg: SampleConfig, run: TrainedRun, maps: Sequence[str]) -> list[Re
 def of_file(cfg: SampleConfig, run: TrainedRun) -> Request:
     """The request of a picture and a condition file; frames are those of the run, whatever rate the condition has."""
     frames, height, width = run.size
-    seen = picture.load(cfg.image, width, height, cfg.fit)
+    seen = picture.load(cfg.image, width, height, cfg.fit, picture.cutout(cfg.image, cfg.cutout, cfg.mask))
     given = load(cfg.condition)
     moved = picture.moved(replace(given, fps=run.cache["fps"]), seen.corner, seen.size)
     axis = _axis(moved, width, height)

@@ -21,9 +21,13 @@ def simulate(one: Pulled, folder: Path, more: Sequence[str]) -> Sample:
 
 
 def generate(one: Pulled, run: Path, folder: Path, more: Sequence[str]) -> Sample:
-    """The sample of a photo by `python -m fracgen.sample`; `more` are its overrides. Raises ValueError if it fails."""
-    lines = _lines("fracgen.sample", [f"run={run}", f"image={one.photo}", f"condition={one.condition}",
-                                      f"output.folder={folder}", *more])  # fmt: skip
+    """The sample of a photo by `python -m fracgen.sample`; `more` are its overrides. Raises ValueError if it fails.
+
+    The object is alone on white, as in training, unless `more` has cutout=none.
+    """
+    mask = [f"mask={one.mask}"] if one.mask and "cutout=none" not in more else []
+    lines = _lines("fracgen.sample", [f"run={run}", f"image={one.photo}", "cutout=auto", *mask,
+                                      f"condition={one.condition}", f"output.folder={folder}", *more])  # fmt: skip
     return read(_folder(lines, folder))
 
 
