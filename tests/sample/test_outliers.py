@@ -50,6 +50,10 @@ def test_wild_pixels_are_exact_and_the_others_keep_their_digits(scene: Scene, wi
     assert read.meta["schema"] == 3
     assert read.meta["outliers"]["stress"] == [[1, 0, 20, 20, 1e9]]
     assert read.meta["outliers"]["strain"] == []
+    about = read.meta["maps"]
+    assert (about["stress"]["largest"], about["flow"]["largest"]) == (1e9, pytest.approx(3e5))
+    assert about["stress"]["scale"] == pytest.approx(7e3, rel=0.1)  # what is not wild
+    assert about["flow"]["scale"] < 3
     assert sample.verify(read.path) == []
 
 

@@ -20,7 +20,19 @@ PARTS: dict[str, Callable[[Plan], Iterator[Row]]] = {
     "startup": startup.rows,
     "memory": memory.rows,
 }
-STUDIES = ("pareto", "published", "thresholds", "order", "mesh", "skips", "reading", "angles", "spectrum", "gpu")
+STUDIES = (
+    "pareto",
+    "published",
+    "thresholds",
+    "order",
+    "mesh",
+    "skips",
+    "reading",
+    "angles",
+    "spectrum",
+    "threads",
+    "gpu",
+)
 """Modules that take minutes and run only by name. Their `study(out, quick)` may also write a plot to `out`."""
 FOLDER = Path("docs/benchmarks")
 

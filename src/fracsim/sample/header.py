@@ -29,7 +29,7 @@ class MapInfo:
     channels: int
     """1 for a scalar, 2 for a vector (right, up) in the image plane."""
     scale: float | None = None
-    """Value shown as 1; None = the largest of the clip."""
+    """Value shown as 1; None = the largest of the clip, without outliers (`fracsim.sample.quantise`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,6 +42,7 @@ class Writer:
         self._ranges: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in header.maps}
         self._outliers: dict[str, list[tuple[int, int, int, int, float]]] = {name: [] for name in header.maps}
         self._largest = dict.fromkeys(header.maps, 0.0)
+        self._scale = dict.fromkeys(header.maps, 0.0)
         self._tracks: list[Tracks] = []
         self._encoders: dict[str, Encoder] = {}
         self._strip: Strip | None = None
@@ -108,8 +109,10 @@ class Writer:
         Raises ValueError when a map is not finite, OSError naming output.folder when the disk is full.
         """
         self._check(index, rgb, alpha, maps)
-        planes = {name: self._planes(name, maps[name]) for name in self._header.maps}
+        planes = {name: np.ascontiguousarray(np.moveaxis(maps[name], -1, 0), np.float32) for name in self._header.maps}
         coded = {name: self._coded(name, planes[name]) for name in self._header.maps}
+        for name, c in coded.items():
+            self._see(name, planes[name], c)
         ranges = {name: c.ranges for name, c in coded.items()}
         outliers = {name: [(index, *at) for at in c.outliers] for name, c in coded.items()}
         try:
@@ -145,11 +148,13 @@ class Writer:
         for name, info in header.maps.items():
             assert maps[name].shape == (*size, info.channels), (name, maps[name].shape)
 
-    def _planes(self, name: str, values: Array) -> Array:
-        """The channels of a map one after the other in memory, [C, H, W] float32."""
-        planes = np.ascontiguousarray(np.moveaxis(values, -1, 0), np.float32)
-        self._largest[name] = max(self._largest[name], float(np.sqrt((planes**2).sum(axis=0).max())))
-        return planes
+    def _see(self, name: str, planes: Array, coded: Coded) -> None:
+        """Take account of the largest value of a map [C, H, W], with outliers and without."""
+        square = (planes**2).sum(axis=0)
+        self._largest[name] = max(self._largest[name], float(np.sqrt(square.max())))
+        for _, row, column, _ in coded.outliers:
+            square[row, column] = 0
+        self._scale[name] = max(self._scale[name], float(np.sqrt(square.max())))
 
     def _coded(self, name: str, planes: Array) -> Coded:
         """A map [C, H, W] as codes, ranges and outliers."""
@@ -226,7 +231,7 @@ class Writer:
         self._close_scratch()
         for name, entry in self._meta["maps"].items():
             entry["largest"] = self._largest[name]
-            entry["scale"] = self._header.maps[name].scale or self._largest[name] or 1.0  # a divisor: never 0
+            entry["scale"] = self._header.maps[name].scale or self._scale[name] or 1.0  # a divisor: never 0
         self._meta |= {
             "complete": not reason, "reason": reason, "frames": self.frames, "report": report, "seconds": seconds,
             "files": schema.inventory(self.folder), "ranges": self._ranges,
