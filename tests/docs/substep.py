@@ -108,7 +108,7 @@ class Substep:
         q = 1.5 * inertia * rate**2 / (1 - 6 * dt * rate * squared(cof))
         P -= np.where((J < 0.8) & (rate < 0), q, 0) * cof
         M = 3 * m.lam + 2 * m.mu
-        eta_max = max(2 * eta, inertia / (2 * dt) * (1 - M * dt**2 / inertia)) / 2
+        eta_max = max(2 * eta, inertia / (2 * 0.8 * dt) * (1 - 0.8 * M * dt**2 / inertia)) / 2
         N = squared(cof)
         S = (N + 2 * np.sqrt(np.maximum(N**2 - 3 * J**2 * squared(F), 0))) / 3
         s = np.minimum((1 - d) * eta / J**2, eta_max / S)
