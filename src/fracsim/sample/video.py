@@ -38,6 +38,8 @@ CODECS: dict[str, tuple[str, tuple[str, ...]]] = {
                         "-vf", "scale=out_color_matrix=bt709", "-movflags", "+faststart")),
 }  # fmt: skip
 """Pixel format of a frame in memory, and how the encoder writes it."""
+ROOM = 1 << 20
+"""Bytes in the pipe to an encoder, the most that Linux grants by default; a picture of 512 x 512 has 3/4 of it."""
 _SHAPES: dict[str, tuple[tuple[int, ...], Any]] = {"rgb": ((3,), np.uint8), "gray16": ((), np.dtype("<u2"))}
 
 
@@ -57,6 +59,7 @@ class Encoder:
         except (FileNotFoundError, PermissionError) as error:
             raise ValueError(f"ffmpeg cannot be started as {command[0]} ({error.strerror}): unset "
                              "IMAGEIO_FFMPEG_EXE, or set it to an ffmpeg that runs.") from None  # fmt: skip
+        _widen(self._process.stdin)
 
     def write(self, frame: Array) -> None:
         """Append a frame, (height, width) or (height, width, 3); raises OSError when the encoder has ended."""
@@ -88,6 +91,14 @@ class Encoder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _widen(pipe: Any) -> None:
+    """Let a pipe hold a frame, where the system can, so that its writer need not wait for the encoder."""
+    with suppress(ImportError, AttributeError, OSError):  # no pipe of Linux, or too many wide ones
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, ROOM)
 
 
 def decode(path: Path, width: int, height: int, codec: str, start: int, stop: int) -> Array:

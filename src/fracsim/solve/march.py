@@ -11,8 +11,9 @@ from fracsim.mpm.state import MARGIN, Peaks, State
 from fracsim.mpm.timestep import GROWTH, ROTATION, limit, stable
 from fracsim.scene.vocab import CENTRE
 
-ROUND = 16
-"""Substeps between two looks at the stability bound, unless a particle turns or stretches too much before."""
+ROUND, LONG, CALM = 16, 48, 0.5
+"""Substeps between two looks at the stability bound, unless a particle turns or stretches too much before: ROUND, or up
+to LONG as long as no particle turns or stretches by more than CALM in them, at its present rate (`total`)."""
 
 Hook = Callable[[float, float], None]
 """Called before a substep with its start [s] and its length [s], and with length 0 before a look at the bound."""
@@ -76,7 +77,9 @@ class March:
             )
         steps = max(1, math.ceil(left / self.dt - 1e-6))
         dt = left / steps
-        n = math.ceil(steps / math.ceil(steps / ROUND))  # rounds of equal length, none of a single substep
+        calm = CALM / (peaks.rate * dt) if self.state.total and peaks.rate > 0 else 0.0
+        most = int(min(max(calm, ROUND), LONG))
+        n = math.ceil(steps / math.ceil(steps / most))  # rounds of equal length, none of a single substep
         if not self.state.total and peaks.fastest > 0:  # particles must not leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * medium.h / (peaks.fastest * dt))))
         return dt, n, bound

@@ -4,6 +4,7 @@ All particles of a cell see the same 27 nodes, which are gathered once a cell. A
 as many particles make a group. Lanes that are left over hold no particle.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -85,10 +86,10 @@ def _groups(pressure: Array, node: Array) -> list[tuple[list[Array], list[int]]]
 def _with_all_parts(parts: list[int], of: Array) -> list[list[int]]:
     """Lists of at most WIDTH parts; those of one cell are neighbours in `parts` and stay together."""
     out: list[list[int]] = [[]]
+    same = Counter(of[parts].tolist())
     for k in parts:
-        same = sum(1 for other in parts if of[other] == of[k])
         new_cell = not out[-1] or of[out[-1][-1]] != of[k]
-        if len(out[-1]) == WIDTH or (new_cell and len(out[-1]) + min(same, WIDTH) > WIDTH):
+        if len(out[-1]) == WIDTH or (new_cell and len(out[-1]) + min(same[of[k]], WIDTH) > WIDTH):
             out.append([])
         out[-1].append(k)
     return [group for group in out if group]
