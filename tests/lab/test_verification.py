@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import itairy
 
 from fracsim.scene.vocab import Solver
 from fracsim.verify import plots, problem
@@ -14,7 +15,7 @@ from fracsim.verify.__main__ import main
 from fracsim.verify.closed_form import nominal, softening, uniaxial
 from fracsim.verify.elements import edge_deflection, mesh
 from fracsim.verify.problem import Check, Setting
-from fracsim.verify.problems import axis_aligned, vortex
+from fracsim.verify.problems import axis_aligned, vortex, wave
 
 EXACT = [("translation", "both"), ("decay", "both"), ("collision", "updated"), ("damage_history", "both")]
 """To round-off in float64."""
@@ -49,6 +50,18 @@ def test_manufactured_solution_converges() -> None:
     setting = Setting(problem.preset("default"), "total")
     coarse, fine = (axis_aligned.error(setting, cells, 0.25) for cells in (8, 16))
     assert math.log2(coarse / fine) > 1.5
+
+
+def test_the_front_is_as_late_as_bloch_waves_of_the_row_say() -> None:
+    """Two particles a cell at 1/4 from a node, lumped masses, leapfrog: sin(w dt / 2) = sqrt(K / m) dt / 2."""
+    k, f = 0.05, np.array([[0.25], [-0.25]])
+    step = np.array([-1, 0, 1])
+    weight = np.stack([(0.5 - f) ** 2 / 2, 0.75 - f**2, (0.5 + f) ** 2 / 2], axis=-1)[:, 0]
+    stiffness = (np.abs((4 * weight * (step - f) * np.exp(1j * k * (step - f))).sum(axis=1)) ** 2).mean()
+    omega = 2 / wave.COURANT * np.arcsin(wave.COURANT / 2 * np.sqrt(stiffness))
+    assert (1 - omega / k) / k**2 == pytest.approx(wave.DISPERSION, rel=0.005)
+    assert 1 / 3 + itairy(wave.HALF)[2] == pytest.approx(0.5, abs=1e-4)
+    assert wave.late(50) == pytest.approx(0.0203, rel=0.01)
 
 
 @pytest.mark.parametrize("t", [0.1, 0.4])

@@ -21,6 +21,9 @@ A is half the original: at A = 1, a shear of 6, neo-Hookean particles were crush
 MU = E / (2 * (1 + NU))
 INNER, OUTER, BUFFER = 0.75, 1.25, 3
 """Radii [m]; width of the material at rest beyond them [cells]."""
+ORDER = 1.5
+"""Second order, but for first order in the cells at the two rims, where the curvature of alpha jumps: h sqrt(h) in the
+root mean square. The annulus is 4 cells wide on 8 cells a metre, too few to show an order."""
 LAWS = ("fixed_corotated", "neo_hookean")
 
 
@@ -139,6 +142,6 @@ def run(setting: Setting) -> Iterator[Check]:
         for cells in sizes:
             errors.append(error(setting, law, cells))
             yield Check(f"{law}, rms error of u, {cells} cells", 0, errors[-1], errors[-1], axis="h", at=1 / cells)
-        name, found = f"{law}, order between {sizes[0]} and {sizes[-1]} cells", np.log(errors[0] / errors[-1])
-        order = float(found / np.log(sizes[-1] / sizes[0]))
-        yield reported(name, order) if setting.quick else at_least(name, 1.5, order)
+        order = float(np.log2(errors[-2] / errors[-1]))
+        name = f"{law}, order between {sizes[-2]} and {sizes[-1]} cells"
+        yield reported(name, order) if setting.quick else at_least(name, ORDER, order)
