@@ -7,6 +7,7 @@ import taichi as ti
 
 from fracsim.arrays import Arrays, power_of_2
 from fracsim.lanes import WIDTH, Vectors
+from fracsim.launching import Repeated
 from fracsim.mpm.context import Variant
 from fracsim.mpm.drive import Drive
 from fracsim.mpm.grid import NodeGrid
@@ -64,6 +65,7 @@ class SideBySide:
         with Vectors():
             load(self.particle, self.record, self.motion, self.offset, b.U, b.V, b.C, b.grad_u, b.D, b.volume, b.tag,
                  b.force)  # fmt: skip
+            launch = Repeated(kernel, count, *arrays)
             for step in range(1 if self._drive.kind == "serial" else count + 1):
-                kernel(step, count, *arrays)
+                launch(step)
             store(self.particle, self.record, self.motion, b.U, b.V, b.C, b.grad_u, b.D)
