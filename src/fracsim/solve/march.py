@@ -13,7 +13,8 @@ from fracsim.scene.vocab import CENTRE
 
 ROUND, LONG, CALM = 16, 48, 0.5
 """Substeps between two looks at the stability bound, unless a particle turns or stretches too much before: ROUND, or up
-to LONG as long as no particle turns or stretches by more than CALM in them, at its present rate (`total`)."""
+to LONG as long as no particle turns or stretches by more than CALM in them, at its present rate (`total`; not in the
+first round, which finds out whether the start can be borne)."""
 
 Hook = Callable[[float, float], None]
 """Called before a substep with its start [s] and its length [s], and with length 0 before a look at the bound."""
@@ -64,7 +65,7 @@ class March:
 
     def _choose(self, peaks: Peaks, left: float) -> tuple[float, int, float]:
         """Length and number of the next substeps, and the bound; all substeps left are equally long."""
-        medium, bound = self.state.medium, math.inf
+        medium, bound, first = self.state.medium, math.inf, math.isinf(self.dt)
         if isinstance(medium.solver.dt, str):
             most = limit(medium, peaks.stiffness, peaks.fastest, peaks.rate)
             self.dt = min(most, self.dt * GROWTH**ROUND)
@@ -77,9 +78,9 @@ class March:
             )
         steps = max(1, math.ceil(left / self.dt - 1e-6))
         dt = left / steps
-        calm = CALM / (peaks.rate * dt) if self.state.total and peaks.rate > 0 else 0.0
-        most = int(min(max(calm, ROUND), LONG))
-        n = math.ceil(steps / math.ceil(steps / most))  # rounds of equal length, none of a single substep
+        calm = CALM / (peaks.rate * dt) if self.state.total and peaks.rate > 0 and not first else 0.0
+        longest = int(min(max(calm, ROUND), LONG))
+        n = math.ceil(steps / math.ceil(steps / longest))  # rounds of equal length, none of a single substep
         if not self.state.total and peaks.fastest > 0:  # particles must not leave the nodes in use
             n = min(n, max(1, int(MARGIN / 2 * medium.h / (peaks.fastest * dt))))
         return dt, n, bound
