@@ -305,8 +305,9 @@ def test_a_warning_is_one_line_without_the_place_in_the_code(
     others = []
     monkeypatch.setattr(warnings, "showwarning", lambda message, *_: others.append(str(message)))
     warn_plainly()
-    warnings.showwarning(UserWarning("the grips\n were moved"), UserWarning, "/lib/fracsim/photo/stage.py", 3)
-    warnings.showwarning(DeprecationWarning("old"), DeprecationWarning, "/lib/fracsim/old.py", 4)
-    warnings.showwarning(UserWarning("theirs"), UserWarning, "/lib/other.py", 5)
+    here = pipeline.__file__
+    warnings.showwarning(UserWarning("the grips\n were moved"), UserWarning, here, 3)
+    warnings.showwarning(DeprecationWarning("old"), DeprecationWarning, here, 4)
+    warnings.showwarning(UserWarning("theirs"), UserWarning, "/home/me/fracsim/lib/other.py", 5)
     assert capfd.readouterr().err == "warning: the grips were moved\n"
     assert others == ["old", "theirs"]

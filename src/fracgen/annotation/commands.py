@@ -22,6 +22,7 @@ class Task:
 
 
 KEEP_GROUND = "cutout=none"
+"""What shows the generator the whole photo."""
 
 
 def simulate(task: Task) -> list[str]:

@@ -16,6 +16,8 @@ from fracsim.scene.quoting import quoted
 from fracsim.version import __version__
 
 T = TypeVar("T")
+PACKAGES = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("fracsim", "fracgen"))
+"""Where the code of these packages lies."""
 BAD, INTERRUPTED = 2, 130
 """Exit statuses."""
 
@@ -30,8 +32,7 @@ def warn_plainly() -> None:
     other = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], filename: str, *rest: Any, **more: Any) -> None:
-        ours = any(f"{os.sep}{package}{os.sep}" in filename for package in ("fracsim", "fracgen"))
-        if category is UserWarning and ours:
+        if category is UserWarning and filename.startswith(PACKAGES):
             print(f"warning: {' '.join(str(message).split())}", file=sys.stderr, flush=True)
         else:
             other(message, category, filename, *rest, **more)
