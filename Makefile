@@ -74,7 +74,7 @@ bench: $(VENV)/run.stamp  ## run time against a plain implementation; writes doc
 	$(RUN) fracsim.bench
 
 studies: $(VENV)/run.stamp  ## run time against error, thresholds, mesh, what is skipped: a quarter of an hour
-	$(RUN) fracsim.bench pareto published thresholds order angles mesh skips reading
+	$(RUN) fracsim.bench pareto published thresholds order angles mesh skips reading spectrum threads
 
 laptop: $(VENV)/dev.stamp  ## the stages of training compared at small scale: under three hours of two cores, resumable
 	$(RUN) fracgen.laptop
