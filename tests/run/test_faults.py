@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import warnings
 from collections import namedtuple
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ import pytest
 import trimesh
 
 from fracsim import __main__, compose, sample
-from fracsim.entry.command import warn_plainly
 from fracsim.mpm.state import State
 from fracsim.run import pipeline
 from fracsim.scene.program import SIMULATE
@@ -296,18 +294,3 @@ def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, m
 def test_errors_that_hydra_words_in_several_lines_are_one() -> None:
     message = SIMULATE.explain(ValueError("first\n  second"), ["a=1"])
     assert message == "a=1 cannot be used: first second. See python -m fracsim --help."
-
-
-def test_a_warning_is_one_line_without_the_place_in_the_code(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Those of other packages, and of other kinds, stay as Python shows them."""
-    others = []
-    monkeypatch.setattr(warnings, "showwarning", lambda message, *_: others.append(str(message)))
-    warn_plainly()
-    here = pipeline.__file__
-    warnings.showwarning(UserWarning("the grips\n were moved"), UserWarning, here, 3)
-    warnings.showwarning(DeprecationWarning("old"), DeprecationWarning, here, 4)
-    warnings.showwarning(UserWarning("theirs"), UserWarning, "/home/me/fracsim/lib/other.py", 5)
-    assert capfd.readouterr().err == "warning: the grips were moved\n"
-    assert others == ["old", "theirs"]

@@ -51,6 +51,10 @@ def requests(cfg: SampleConfig, run: TrainedRun, maps: Sequence[str]) -> list[Re
     """All that a configuration asks for; raises ValueError naming the field of what cannot be sampled."""
     if bool(cfg.data) == bool(cfg.image or cfg.condition):
         raise ValueError("data, image, condition: give image=FILE and condition=FILE, or data=FOLDER of a data set.")
+    if cfg.data and (cfg.mask or cfg.cutout != picture.GROUND):
+        given = f"mask={cfg.mask}" if cfg.mask else f"cutout={cfg.cutout}"
+        raise ValueError(f"{given} has no effect with data={cfg.data}, whose clips show the object on white: leave it "
+                         "out, or give image=FILE and condition=FILE.")  # fmt: skip
     if cfg.data:
         return list(_of_data(cfg, run, maps))
     if not cfg.image or not cfg.condition:

@@ -12,11 +12,12 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags, vstack
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from fracsim import Scene, compose, registry
+from fracsim import Scene, backend, compose, registry
+from fracsim.asset.build import build_of
 from fracsim.bench.record import Row
 from fracsim.mpm.timestep import BODY
 from fracsim.records import Array
-from fracsim.run.session import Run
+from fracsim.solve.simulator import Simulator
 
 ISOLATED = 4.0
 """Eigenvalue of a particle by itself [1 / (density h^2)]."""
@@ -42,11 +43,12 @@ def study(out: Path, quick: bool) -> Iterator[Row]:
 
 def rows(name: str, scene: Scene) -> Iterator[Row]:
     """The eigenvalue of an object before the pull, and the largest that it has in a frame while it tears."""
-    run = Run(scene)
-    state, worst, failed = run._simulator.state, 0.0, 0
+    backend.start(scene.backend)
+    simulator = Simulator(scene, build_of(scene))
+    state, worst, failed = simulator.state, 0.0, 0
     what = f"{name}, {scene.material.law}, {state.n:,} particles"
     volume = state.points.volume.to_numpy()
-    for frame in run.frames():
+    for frame in simulator.frames():
         y, d = state.points.X.to_numpy() / state.medium.h, state.points.D.to_numpy()
         if frame.index == 0:
             yield Row(what, "at rest", ratio(y, volume), "1", most=BODY)
