@@ -59,6 +59,45 @@ def test_load_is_the_nominal_stress_times_the_section() -> None:
     assert load == pytest.approx(nominal, rel=0.01)
 
 
+def test_the_load_at_the_start_is_that_of_a_wave_whatever_hangs_beyond_the_grips() -> None:
+    """Until the front has crossed the bar its tension is rho c v A; held material and free ends need no part of it."""
+    h, E, rho, speed = 2 / 50, 1e5, 1000.0, 0.01
+    c = np.sqrt(E / rho)
+    for length in (24 * h, 34 * h):  # ends of 1 and of 6 cells beyond the grips
+        s = scene(
+            material=Material(law="fixed_corotated", E=E, nu=0.0, density=rho, viscosity=0.0),
+            fracture=Fracture(onset=8, crit=9),
+            loading=Loading(offset=10 * h, thickness=2 * h, speed=speed, grips="sliding"),
+            solver=Solver(cells=50),
+            capture=Capture(frames=18, fps=18 / (18 * h / c)),  # until the front is at the other grip
+        )
+        simulator = Simulator(s, bar(s.solver, (length, 4 * h, 4 * h)))
+        *_, _ = simulator.frames()
+        tension = np.array(simulator.report.history.load[4:-3])  # the front is some three cells wide
+        expected = rho * c * speed * (4 * h) ** 2
+        assert tension.mean() == pytest.approx(expected, rel=0.01)  # less than a ripple behind the front
+    # The free ends pull on the grips, too, until their front is back.
+    assert simulator.report.tally.impulse > 1.3 * expected * simulator.report.history.t[-1]
+
+
+def test_what_hangs_from_a_grip_weighs_nothing_in_the_load() -> None:
+    """An upright bar, free between the grips at rest: the tension at a face is half the weight of what lies between."""
+    h, rho, g = 2 / 50, 1000.0, 9.81
+    s = scene(
+        material=Material(law="fixed_corotated", E=1e6, nu=0.0, density=rho, viscosity=10.0),
+        fracture=Fracture(onset=8, crit=9),
+        loading=Loading(axis_deg=90.0, offset=6 * h, thickness=2 * h, speed=1e-9, grips="rigid", gravity=[0.0, -g, 0.0]),
+        solver=Solver(cells=50),
+        capture=Capture(frames=60, fps=60),
+    )
+    simulator = Simulator(s, bar(s.solver, (4 * h, 20 * h, 4 * h)))
+    *_, _ = simulator.frames()
+    loads = np.array(simulator.report.history.load[30:])
+    weight = rho * g * 4 * h * 4 * h * 10 * h
+    # One face pulls with half the weight and the other pushes with as much: the mean is none, beyond round-off.
+    assert np.abs(loads).max() < 0.01 * weight
+
+
 def test_soft_grips_slip() -> None:
     """The bar slips through soft grips: at E = 2e4 the same motion gives less load than rigid ones."""
     loads = {}

@@ -191,7 +191,7 @@ def test_fragments_take_over_the_velocities_of_their_nodes() -> None:
 
     def total(state: State) -> np.ndarray:
         v = state.grid.velocity.to_numpy()
-        return np.append(v[:, 3] @ v[:, :3], kinetic(state).sum())
+        return np.append(v[:, 3] @ v[:, :3], kinetic(state))
 
     before = total(state)
     state.split((state.X0[:, 0] > H / 3).astype(int))

@@ -10,7 +10,7 @@ from fracsim.mpm.bspline import stencil
 from fracsim.mpm.dilatation import refresh
 from fracsim.mpm.kernels import CHUNK, types
 from fracsim.mpm.params import INV_CELL, LAM, LX, LY, LZ, MU, PEAKS
-from fracsim.mpm.transfer import Grid, kinetic_of_nodes
+from fracsim.mpm.transfer import Grid, kinetic_of_nodes, velocity_of_nodes
 from fracsim.tensor import J_MIN, cofactor, deformed, principal_stretches, volume_ratio
 
 
@@ -91,8 +91,8 @@ def observe(law: ModuleType, total: bool, cellwise: bool, real: Any) -> Any:
 
 
 @cache
-def node_energies(real: Any) -> Any:
-    """The kernel of kinetic energies a mass of the nodes around each particle of `total`."""
+def node_motion(real: Any) -> Any:
+    """The kernel of the nodes' kinetic energy a mass, and their velocity, around each particle of `total`."""
     Scalar, Vector, Vector4, *_ = types(real).values()
 
     @ti.kernel
@@ -101,12 +101,16 @@ def node_energies(real: Any) -> Any:
         X: Vector, D: Scalar,  # (N,): see `ParticleArrays`
         sx: ti.i32, sy: ti.i32, sz: ti.i32, velocity: Vector4,  # see `Grid`
         energy: Scalar,  # out: sum w |v_i|^2 / 2 [m^2/s^2], 0 if failed, (N,)
+        v: Vector,  # out: sum w v_i [m/s], 0 if failed, (N,)
     ):  # fmt: skip
+        grid = ti.static(Grid(sx, sy, sz, velocity, None, None, 0, False))
         for p in range(X.shape[0]):
             energy[p] = 0
+            v[p] = 0 * X[p]
             if D[p] < 1:
                 base, f = stencil(X[p] * params[INV_CELL] - ti.Vector([params[LX], params[LY], params[LZ]]))
                 at = base[0] * sx + base[1] * sy + base[2]
-                energy[p] = kinetic_of_nodes(ti.static(Grid(sx, sy, sz, velocity, None, None, 0, False)), at, f)
+                energy[p] = kinetic_of_nodes(grid, at, f)
+                v[p] = velocity_of_nodes(grid, at, f)
 
     return evaluate

@@ -123,6 +123,17 @@ def kinetic_of_nodes(g: ti.template(), at, f):
 
 
 @ti.func
+def velocity_of_nodes(g: ti.template(), at, f):
+    """Velocity of the nodes around a particle, sum w v_i [m/s]."""
+    wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+    sum = 0 * f
+    for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
+        node = g.velocity[at + i * g.sx + j * g.sy + k * g.sz]
+        sum += (wx[i] * wy[j] * wz[k]) * ti.Vector([node[0], node[1], node[2]])
+    return sum
+
+
+@ti.func
 def scatter(g: ti.template(), at, f, momentum, affine, mass):
     """Add w (momentum + affine (x_i - x_p), mass) to the 27 nodes; `affine` is in units of the cell."""
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])

@@ -46,7 +46,7 @@ def _load(axes: Axes, history: History, broken: int | None) -> None:
     if len(y):
         top = int(np.argmax(y))
         axes.plot(x[top], y[top], "^", color=BLUE, label=f"largest load {y[top]:.3g} N")
-    axes.set(title="load on the grips", xlabel="nominal stretch [1]", ylabel="load [N]")
+    axes.set(title="tension between the grips", xlabel="nominal stretch [1]", ylabel="load [N]")
 
 
 def _stretch(axes: Axes, history: History, thresholds: tuple[float, float] | None) -> None:

@@ -72,7 +72,7 @@ class Fragments:
     def _energy(self) -> float:
         """Strain and kinetic energy [J]."""
         volume = self.state.points.volume.to_numpy().astype(np.float64)
-        return float(volume @ self.state.observe().energy + kinetic(self.state).sum())
+        return float(volume @ self.state.observe().energy + kinetic(self.state))
 
     def verdict(self, x: Array, F: Array, failed: Array, stretch: float) -> str:
         """`whole`, `broken` (by damage) or `torn` (numerically: the grid has parted intact particles).

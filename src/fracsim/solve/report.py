@@ -28,7 +28,7 @@ class EnergyTally:
     """Sums over time at one instant in SI units; works and losses in J, impulses in N s."""
 
     impulse: float
-    """Pull of both grips, outwards, mean of the two."""
+    """Of both grips, outwards, mean of the two."""
     grip_work: float
     decayed: float
     projected: float
@@ -80,6 +80,8 @@ class Seen:
     """Largest stretch of a particle."""
     kinetic: float
     """Kinetic energy [J]."""
+    load: float
+    """Tension between the grips [N]."""
 
 
 class Report:
@@ -133,11 +135,11 @@ class Report:
 
     def add(self, frame: Frame, seen: Seen, verdict: str) -> None:
         """Add a frame, what was seen of it, and whether the object has parted: `whole`, `broken` or `torn`."""
-        h, load = self.history, self.scene.loading
+        h, loading = self.history, self.scene.loading
         self.stretch_max = max(self.stretch_max, seen.stretch)
         h.t.append(frame.t)
-        h.nominal_stretch.append(1 + 2 * load.speed * frame.t / load.gauge)
-        h.load.append((seen.tally.impulse - self.tally.impulse) * self.scene.capture.fps)
+        h.nominal_stretch.append(1 + 2 * loading.speed * frame.t / loading.gauge)
+        h.load.append(seen.load)
         h.stretch_max.append(seen.stretch)
         h.damaged.append(float((frame.d > 0).mean()))
         h.failed.append(float(frame.failed.mean()))

@@ -9,7 +9,7 @@ import numpy as np
 from fracsim.asset.frame import LatticeFrame
 from fracsim.mpm import params as slot
 from fracsim.mpm.drive import Drive
-from fracsim.mpm.energy import kinetic
+from fracsim.mpm.energy import carried
 from fracsim.mpm.state import State
 from fracsim.mpm.timestep import limit, rest_stiffness
 from fracsim.records import Array, Frame, Particles
@@ -25,6 +25,7 @@ from fracsim.solve.riders import Riders, moved
 from fracsim.solve.settled import Settled
 from fracsim.solve.setup import Ready, grips, in_memory_order, ready, wave_time
 from fracsim.solve.shown import capped, stress_at
+from fracsim.solve.tension import Tension
 from fracsim.solve.uniaxial import uniaxial_bar
 
 MAX_CLAMPED = 1e-2
@@ -59,6 +60,7 @@ class Simulator:
         self.state = State(medium, replace(self.moved, X=self.lattice.points(self.moved.X)), grips(turned), drive)
         self.report = Report(scene, medium, self.moved, self.state.exempt, warnings)
         self.report.expected = uniaxial_bar(medium).breaks_at
+        self.tension = Tension(scene.loading, self.moved.X, self.report.mass)
         self.progress = progress or (lambda n, dt, t: None)
         self.march = March(self.state)
         bonds = Bonds(self.moved.X, self.moved.spacing, medium.h)
@@ -145,7 +147,9 @@ class Simulator:
         energy = seen.energy
         energy -= s.params[slot.DT] / 2 * seen.power  # to the instant of the velocities, half a substep ago
         largest = float((seen.stretch[~failed] if s.total else seen.stretch).max(initial=1.0))
-        report.add(frame, Seen(EnergyTally.of(s.sums()), energy, largest, float(kinetic(s).sum())), verdict)
+        tally, grid = EnergyTally.of(s.sums()), carried(s)
+        load = self.tension(t, tally.impulse, world.vectors_to_world(grid.momentum), failed)
+        report.add(frame, Seen(tally, energy, largest, float(grid.kinetic.sum()), load), verdict)
         return frame if self.riders is None else self.riders(frame, self.fragments.of)
 
     def _hold(self, x: Array, t: float) -> None:
