@@ -129,18 +129,18 @@ def physical(numbers: Sequence[float]) -> dict[str, Any]:
     }
 
 
-def channels(force: "Tensor", numbers: "Tensor", streams: int, height: str = "tile") -> "Tensor":
+def channels(force: "Tensor", numbers: "Tensor", streams: int, height: str = "tile", gain: float = 1.0) -> "Tensor":
     """The condition channels [B, 32, T, S H, W] of a force latent [B, 16, T, H, W] and `numbers` [B, 6].
 
     `height`: "tile" repeats them for each stream, so that every map sees the force where it acts; "rgb_only" leaves
-    zeros beside the maps, as for the reference.
+    zeros beside the maps, as for the reference. The numbers are multiplied by `gain`.
     """
     import torch
 
     assert height in ("tile", "rgb_only"), height
     b, c, t, h, w = force.shape
     assert (c, *numbers.shape) == (CHANNELS, b, len(SCALARS)), (force.shape, numbers.shape)
-    flat = numbers.to(force)[:, :, None, None, None].expand(-1, -1, t, h, w)
+    flat = (gain * numbers).to(force)[:, :, None, None, None].expand(-1, -1, t, h, w)
     rest = force.new_zeros(b, CONDITION_CHANNELS - c - len(SCALARS), t, h, w)
     one = torch.cat([force, flat, rest], dim=1)
     others = [one if height == "tile" else torch.zeros_like(one)] * (streams - 1)

@@ -20,6 +20,11 @@ class Inputs(NamedTuple):
     image: Tensor | None
     """CLIP embedding of the object's picture, [B, 257, 1280]; None for a network without that branch."""
 
+    def of(self, clips: Tensor) -> "Inputs":
+        """Those of some clips, whose numbers are `clips`, [B] int64."""
+        return Inputs(self.channels[clips], self.reference[clips], self.text[clips],
+                      None if self.image is None else self.image[clips])  # fmt: skip
+
 
 class Network(Protocol):
     """What `fracgen.model.transformer.FracTransformer` and its wrappers are to the rest of the package."""

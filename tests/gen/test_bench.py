@@ -7,7 +7,7 @@ import torch
 
 from fracgen import layout
 from fracgen.bench import __main__ as command
-from fracgen.bench import memory, overfit, pareto, record
+from fracgen.bench import cases, control, memory, overfit, pareto, record
 from fracgen.bench.field import Source, load
 from fracgen.bench.pareto import Point, Setting
 from fracgen.bench.record import Row
@@ -27,7 +27,9 @@ def _table(folder):
                 "time that the trainer adds", "waiting for data, share of a step"}),
     ("memory", {"peak memory, measured", "peak memory, planned", "difference"}),
     ("overfit", {"first loss", "last loss", "last over first loss", "error of sampled latents",
-                 "PSNR of the sampled clips"}),
+                 "PSNR of the sampled clips", "force, material, caption swapped", "force and material swapped"}),
+    ("control", {"dpa of samples", *(f"loss with {name} of another clip over that with its own"
+                                     for name in control.CONDITIONS)}),
     ("pareto", {"processor time", "of it decoding", "wall time", "error of latents", "on the front",
                 *(f"error of {name}, decoded" for name in STREAMS)}),
     ("skips", {"no map decoded that is not asked for, measured", "no map encoded that is not asked for, measured",
@@ -76,7 +78,7 @@ def test_an_unknown_name_is_refused(capsys):
     assert "NAME=speed is not known: choose from step, loader, memory" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["pareto", "overfit"])
+@pytest.mark.parametrize("name", ["pareto", "overfit", "control"])
 def test_a_part_that_needs_a_trained_network_says_so(capsys, name):
     with pytest.raises(SystemExit):
         command.main([name])
@@ -116,3 +118,39 @@ def test_the_loss_of_a_network_that_knows_the_answer_is_zero_and_of_one_that_say
     target = layout.split(noise - x0, STREAMS)
     expected = torch.stack([target[name].square().mean() for name in STREAMS])
     assert torch.allclose(silent, expected.expand(5, 5), rtol=1e-5)
+
+
+def _clips(n):
+    return cases.batch(cases.MODELS["tiny"], cases.Size(32, 32, 5, 5, n))
+
+
+def test_a_condition_comes_from_the_next_clip_where_it_differs():
+    batch = _clips(4)
+    batch.scalars[:, 4] = torch.tensor([0.1, 0.1, 0.5, 0.1])
+    batch.scalars[:, 5] = 0.7
+    assert control.donors(batch, "thresholds") == [2, 2, 3, 2]
+    batch.scalars[:, 1] = 0.3
+    assert control.donors(batch, "nu") == [None] * 4
+
+
+@pytest.mark.parametrize("name", control.CONDITIONS)
+def test_one_condition_is_exchanged_and_all_others_stay(name):
+    batch = _clips(3)
+    changed = control.exchanged(batch, name, [2, None, 1])
+    assert torch.equal(control.held(changed, name), control.held(batch, name)[[2, 1, 1]])
+    for other in set(control.CONDITIONS) - {name}:
+        assert torch.equal(control.held(changed, other), control.held(batch, other))
+    assert all(torch.equal(changed.latents[stream], batch.latents[stream]) for stream in STREAMS)
+
+
+def test_what_a_network_does_not_read_costs_it_nothing():
+    """With weights of 0 for the two channels of the thresholds: 16 of noise and 20 of other conditions come before."""
+    field = load(Source("", "", 3))
+    network = field.build(torch.float32)
+    network.patch_embedding.weight.data[:, 16 + 20 : 16 + 22] = 0
+    own = control.losses(field, network, field.batch)
+    given = control.donors(field.batch, "thresholds")
+    (row, *_) = control.compared(field, network, "thresholds", given, own)
+    assert row.value == 1
+    (row, *_) = control.compared(field, network, "force", given, own)
+    assert row.value != 1

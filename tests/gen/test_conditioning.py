@@ -271,6 +271,14 @@ def test_rgb_only_leaves_zeros_beside_the_maps() -> None:
     assert not alone[..., 4:, :].any()
 
 
+def test_a_gain_multiplies_the_numbers_and_nothing_else() -> None:
+    force, numbers = torch.randn(2, 16, 3, 4, 6), torch.rand(2, 6) + 1
+    once, twice = (conditioning.channels(force, numbers, 2, gain=gain) for gain in (1.0, 2.0))
+    assert torch.equal(twice[:, 16:22], 2 * once[:, 16:22])
+    assert torch.equal(twice[:, :16], once[:, :16])
+    assert torch.equal(twice[:, 22:], once[:, 22:])
+
+
 def test_channels_take_the_type_of_the_force() -> None:
     out = conditioning.channels(torch.zeros(1, 16, 1, 2, 2).bfloat16(), torch.full((1, 6), 0.3), 2)
     assert out.dtype == torch.bfloat16

@@ -89,6 +89,16 @@ def test_maps_have_the_values_of_their_colours(single: SampleConfig) -> None:
             assert np.allclose(made.maps[name], expected, atol=2 / 65535)
 
 
+def test_numbers_enter_with_the_gain_of_the_training(single: SampleConfig) -> None:
+    run = trained_run.load(single.run)
+    asked = [request.of_file(single, run)]
+    there = networks.load(asked, single, run, "float32", torch.device("cpu"))
+    loud = replace(run, about=run.about | {"conditioning": run.about["conditioning"] | {"gain": 3.0}})
+    given, louder = (networks.inputs(asked, there, one, "warn")[0].channels for one in (run, loud))
+    assert torch.equal(louder[:, 16:22], 3 * given[:, 16:22])
+    assert torch.equal(louder[:, :16], given[:, :16])
+
+
 def generate_levels() -> torch.Tensor:
     """Two steps with a shift of 5: 1, 5/6, 0."""
     return torch.tensor([1, 5 / 6, 0], dtype=torch.float64)

@@ -86,7 +86,9 @@ def test_what_hangs_from_a_grip_weighs_nothing_in_the_load() -> None:
     s = scene(
         material=Material(law="fixed_corotated", E=1e6, nu=0.0, density=rho, viscosity=10.0),
         fracture=Fracture(onset=8, crit=9),
-        loading=Loading(axis_deg=90.0, offset=6 * h, thickness=2 * h, speed=1e-9, grips="rigid", gravity=[0.0, -g, 0.0]),
+        loading=Loading(
+            axis_deg=90.0, offset=6 * h, thickness=2 * h, speed=1e-9, grips="rigid", gravity=[0.0, -g, 0.0]
+        ),
         solver=Solver(cells=50),
         capture=Capture(frames=60, fps=60),
     )

@@ -16,10 +16,11 @@ PARTS = {
     "memory": "peak memory of a training step against its plan",
     "skips": "what is saved by each computation that is left out where it is not needed",
     "overfit": "a run of +debug=overfit: loss against the first one, sampled clips against the true ones",
+    "control": "does a run read its conditions: loss and scores with each of another clip",
     "pareto": "time of a sampled clip against its error, by solver, steps, precision, guidance, attention, tiles",
 }
 """Modules of this package with `rows(quick)`; those of SAMPLED also take what is sampled from, and a folder."""
-SAMPLED = ("pareto", "overfit")
+SAMPLED = ("pareto", "overfit", "control")
 """Parts that need a trained run; `--quick` takes random weights."""
 FOLDER = Path("docs/benchmarks")
 
@@ -29,11 +30,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fracgen.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes, to see whether it runs")
     named = "; ".join(f"{name}: {about}" for name, about in PARTS.items())
-    parser.add_argument(
-        "--run", default="", metavar="FOLDER", help="for pareto and overfit: a training, as runs/stage2-ID"
-    )
+    parser.add_argument("--run", default="", metavar="FOLDER", help="for pareto, overfit and control: a training")
     parser.add_argument("--vae", default="", metavar="FOLDER", help="their VAE, of vae=tiny")
-    parser.add_argument("--clips", type=int, default=2, metavar="N", help="for pareto and overfit: clips to sample (2)")
+    parser.add_argument("--clips", type=int, default=2, metavar="N", help="clips to sample (2)")
+    parser.add_argument("--split", default="", help="their split, train or test (that of the training)")
     parser.add_argument(
         "names", metavar="NAME", nargs="*", help=f"what to measure (default: all that is possible): {named}"
     )
@@ -54,7 +54,7 @@ def measurement(name: str, options: argparse.Namespace) -> "Iterator[Row]":
     if name in SAMPLED:
         from fracgen.bench.field import Source
 
-        given = [Source(options.run, options.vae, options.clips), options.out]
+        given = [Source(options.run, options.vae, options.clips, options.split), options.out]
     found: Iterator[Row] = part.rows(options.quick, *given)
     return found
 

@@ -11,6 +11,9 @@ class Conditioning:
 
     height: str = knob("tile", "tile: repeated beside every map; rgb_only: zeros beside the maps",
                        choices=("tile", "rgb_only"))  # fmt: skip
+    gain: float = knob(1.0, "factor of the numbers of material and fracture where they enter the network: 1 = as in "
+                       "the paper, whose thresholds differ by 0.33 at most, which a short training hardly reads",
+                       least=0, most=100)  # fmt: skip
     ranges: str = knob("warn", "numbers outside the paper's ranges: clamp, clamp and warn, or refuse",
                        choices=("clamp", "warn", "fail"))  # fmt: skip
     drop_text: float = knob(0.0, "share of training clips whose caption is left out", least=0, most=1)

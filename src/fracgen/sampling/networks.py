@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from fracgen import conditioning, encoders, layout, vae
+from fracgen.config.conditioning import Conditioning
 from fracgen.config.sample import SampleConfig
 from fracgen.denoiser import Inputs
 from fracgen.model import trained
@@ -73,9 +74,9 @@ def inputs(requests: Sequence[Request], networks: Networks, run: TrainedRun, ran
     force = torch.cat([encode(_video(conditioning.blobs(r.paths, width, height))) for r in requests])
     reference = torch.cat([encode(_video(picture[None] / np.float32(255)))[:, :, 0] for picture in pictures])
     numbers = torch.from_numpy(np.stack([conditioning.scalars(r.condition, ranges) for r in requests]))
-    count = len(run.streams)
+    count, how = len(run.streams), Conditioning(**run.about["conditioning"])
     return Inputs(
-        channels=conditioning.channels(force, numbers, count, run.about["conditioning"]["height"]),
+        channels=conditioning.channels(force, numbers, count, how.height, how.gain),
         reference=layout.pad_reference(reference, count),
         text=networks.captions(*(request.caption for request in requests)),
         image=None if networks.image is None else networks.image.encode(torch.from_numpy(pictures)),

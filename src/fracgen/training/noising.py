@@ -74,7 +74,7 @@ def inputs(batch: Batch, cfg: Conditioning, seed: int, train: bool) -> Inputs:
     picture = kept(batch, cfg.drop_reference, seed, "reference") if train else None
     streams = len(batch.latents)
     return Inputs(
-        channels=conditioning.channels(batch.force, batch.scalars, streams, cfg.height),
+        channels=conditioning.channels(batch.force, batch.scalars, streams, cfg.height, cfg.gain),
         reference=pad_reference(masked(batch.reference, picture), streams),
         text=masked(batch.text, text),
         image=None if batch.image is None else masked(batch.image, picture),
