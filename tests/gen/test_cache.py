@@ -275,6 +275,7 @@ def test_two_processes_do_not_write_at_once(folder: Path) -> None:
 def test_clips_are_chosen_by_split_and_object(tmp_path: Path) -> None:
     cache = fracgen.data.open(synthetic.write(tmp_path, clips=6))
     assert cache.numbers() == [0, 1, 2, 3, 4, 5]
+    assert cache.numbers("all") == [0, 1, 2, 3, 4, 5]
     assert cache.numbers("train") == [0, 1, 4, 5]
     assert cache.numbers("train", ["duck", "star"]) == [1, 5]
     assert cache.numbers(objects=["whale"]) == []

@@ -45,7 +45,8 @@ class Data:
     """The latent cache that `python -m fracgen.encode` has made."""
 
     folder: str = knob("latents", "folder of the latent cache")
-    train_split: str = knob("train", "split to train on", choices=("train", "test", "none"))
+    train_split: str = knob("train", "split to train on; all = also on the objects that are held out for tests",
+                            choices=("train", "test", "none", "all"))  # fmt: skip
     val_split: str = knob("test", "split to validate on", choices=("train", "test", "none"))
     objects: list[str] = knob([], "only clips of these objects; empty = all")
     limit: int = knob(0, "only the first clips of the training split; 0 = all", least=0)

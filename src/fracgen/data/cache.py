@@ -78,11 +78,11 @@ class LatentCache(Dataset[Batch]):
         return other
 
     def numbers(self, split: str = "", objects: Collection[str] = ()) -> list[int]:
-        """The numbers of the clips of a split, and of these objects; of all where none is given.
+        """The numbers of the clips of a split, `all` for those of all, and of these objects; of all where none is given.
 
         Clips whose file was lost are left out; their number waits until they are encoded again.
         """
-        there = [k for k, row in enumerate(self.rows) if row["sha256"] and split in ("", row["split"])]
+        there = [k for k, row in enumerate(self.rows) if row["sha256"] and split in ("", "all", row["split"])]
         return [k for k in there if not objects or self.rows[k]["object"] in objects]
 
     def __len__(self) -> int:
