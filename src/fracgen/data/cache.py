@@ -78,7 +78,7 @@ class LatentCache(Dataset[Batch]):
         return other
 
     def numbers(self, split: str = "", objects: Collection[str] = ()) -> list[int]:
-        """The numbers of the clips of a split, `all` for those of all, and of these objects; of all where none is given.
+        """The numbers of the clips of a split, and of these objects; of all where none is given, or the split is `all`.
 
         Clips whose file was lost are left out; their number waits until they are encoded again.
         """
