@@ -34,9 +34,9 @@ def test_the_weights_in_docs_generate_a_clip(tmp_path: Path) -> None:
 
 @pytest.fixture(name="pulls", scope="module")
 def pulls_fixture(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, object]]:
-    """A loaf pulled along four axes with early and late thresholds, as it was not in training; true and generated."""
+    """A loaf pulled along two axes with early and late thresholds, as it was not in training; true and generated."""
     folder = tmp_path_factory.mktemp("pulls")
-    words = ["+sweep=laptop", "asset=bread", "draw=-1", "loading.axis_deg=0,45,90,135", "fracture=bread,rubber_late",
+    words = ["+sweep=laptop", "asset=bread", "draw=-1", "loading.axis_deg=0,45", "fracture=bread,rubber_late",
              "loading.speed=0.9", "loading.offset=0.15", f"output.folder={folder / 'true'}"]  # fmt: skip
     subprocess.run([sys.executable, "-m", "fracsim", *words], check=True, capture_output=True)
     generated(f"data={folder / 'true'}", "split=all", "batch=4", f"output.folder={folder / 'made'}")
@@ -53,5 +53,5 @@ def test_generated_clips_tear_earlier_with_early_thresholds(pulls: list[dict[str
     torn: dict[object, dict[float, int]] = defaultdict(dict)
     for row in pulls:
         torn[row["axis"]][float(row["crit"])] = int(row["made_torn"])
-    assert len(torn) == 4
+    assert len(torn) == 2
     assert all(frames[2.3] < frames[3.3] for frames in torn.values())
