@@ -154,3 +154,9 @@ def test_what_a_network_does_not_read_costs_it_nothing():
     assert row.value == 1
     (row, *_) = control.compared(field, network, "force", given, own)
     assert row.value != 1
+
+
+def test_one_clip_has_no_other_to_take_a_condition_from(capsys, tmp_path):
+    assert command.main(["--quick", "control", "--clips", "1", "--out", str(tmp_path)]) == 2
+    assert "error: --clips 1" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

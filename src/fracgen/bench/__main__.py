@@ -60,7 +60,10 @@ def measurement(name: str, options: argparse.Namespace) -> "Iterator[Row]":
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, print and store; 130 if interrupted. A missed target is marked in the table and is no error."""
+    """Measure, print and store; 130 if interrupted, 2 for a run or clips that cannot be used.
+
+    A missed target is marked in the table and is no error.
+    """
     options = arguments(argv)
 
     from rich.console import Console
@@ -82,6 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 console.print(table(rows))
                 console.print(f"interrupted: {name} is not stored; files stored before remain", soft_wrap=True)
                 return 130
+            except ValueError as error:
+                print(f"error: {error}", file=sys.stderr)
+                return 2
         console.print(table(rows))
         console.print(f"stored in {write(rows, options.out, name, options.quick)}", soft_wrap=True)
     return 0

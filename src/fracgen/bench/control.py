@@ -52,8 +52,13 @@ CONDITIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def rows(quick: bool, source: Source, out: Path) -> Iterator[Row]:
-    """Ratios of losses by condition and stream, then scores by condition; nothing is written to `out`."""
+    """Ratios of losses by condition and stream, then scores by condition; nothing is written to `out`.
+
+    Raises ValueError for fewer than two clips.
+    """
     field = load(source)
+    if len(field.x) < 2:
+        raise ValueError(f"--clips {source.clips}: a condition is taken from another clip: give 2 or more.")
     network = field.build(torch.float32)
     others = {name: donors(field.batch, name) for name in CONDITIONS}
     own = losses(field, network, field.batch)

@@ -105,7 +105,8 @@ def _of_run(source: Source) -> Field:
     cache = data.open(cfg["data"]["folder"]).only(run.streams, image=run.model.image_dim > 0)
     numbers = cache.numbers(source.split or cfg["data"]["train_split"], cfg["data"]["objects"])[: source.clips]
     if not numbers:
-        raise ValueError(f"--split {source.split}: data.folder={cfg['data']['folder']} has no such clips.")
+        raise ValueError(f"--split {source.split}: data.folder={cfg['data']['folder']} has no such clips: choose "
+                         "train, test, none or all.")  # fmt: skip
     batch = data.collate([cache[k] for k in numbers])
     words = Encoders(text="words", image="zeros")
     run.check_encoders(words)
