@@ -22,8 +22,10 @@ _started: Backend | None = None
 _forked = False
 
 
-def start(backend: Backend) -> None:
+def start(backend: Backend, alone: bool = True) -> None:
     """Start Taichi once a process; a second call for the same arch does nothing.
+
+    `alone`: whether the cores are for this process. Then each thread gets one of its own, if they are as many.
 
     Raises RuntimeError if this machine lacks the backend, if Taichi already runs on another arch, or if it ran in a
     process that forked this one.
@@ -53,8 +55,19 @@ def start(backend: Backend) -> None:
         )
     if backend.arch == "cpu":  # the pool has its size by now: only the key of the kernels changes
         ti.lang.impl.get_runtime().prog.config().cpu_max_num_threads = MOST_THREADS
-        _spread(_own_threads() - before, threads(backend))
+        if alone:
+            _spread(_own_threads() - before, threads(backend))
     _started = backend
+
+
+def stop() -> None:
+    """Stop Taichi, which keeps the kernels that it has compiled; its arrays cannot be used any more."""
+    global _started
+    if _started is not None:
+        import taichi as ti
+
+        ti.reset()
+        _started = None
 
 
 def _own_threads() -> set[int]:

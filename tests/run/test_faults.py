@@ -17,7 +17,7 @@ import trimesh
 
 from fracsim import __main__, compose, sample
 from fracsim.mpm.state import State
-from fracsim.run import pipeline
+from fracsim.run import pipeline, recorder
 from fracsim.scene.program import SIMULATE
 from tests.command import SMALL, fracsim_command, samples, start
 
@@ -219,9 +219,9 @@ def check_incomplete(path: Path, reason: str) -> int:
     return clip.frames
 
 
-def started(folder: Path) -> "subprocess.Popen[str]":
+def started(folder: Path, *overrides: str) -> "subprocess.Popen[str]":
     """A run of 3,000 short frames in a session of its own, once three of them are written."""
-    process = start(*SMALL, "capture.frames=3000", "capture.fps=3000", f"output.folder={folder}",
+    process = start(*SMALL, "capture.frames=3000", "capture.fps=3000", f"output.folder={folder}", *overrides,
                     start_new_session=True)  # fmt: skip
     for _ in range(600):
         journals = list(folder.glob("*.partial-*/frames.jsonl"))
@@ -246,7 +246,7 @@ def test_ctrl_c_leaves_what_was_filmed(tmp_path: Path) -> None:
 
 def test_a_killed_run_is_never_taken_for_a_sample(tmp_path: Path) -> None:
     """kill -9 leaves a folder under a temporary name: readable as incomplete, not in the way of the next attempt."""
-    process = started(tmp_path)
+    process = started(tmp_path, "backend.threads=1")
     process.kill()
     process.communicate(timeout=60)
     (left,) = samples(tmp_path)
@@ -264,15 +264,15 @@ def test_a_second_attempt_takes_the_place_of_an_interrupted_one(
 ) -> None:
     """Interrupted while the second frame is filmed, then run to the end."""
     scene = compose(*SMALL, f"output.folder={tmp_path}")
-    shoot = pipeline.Film.shoot
+    shoot = recorder.Film.shoot
 
-    def interrupting(film: pipeline.Film, frame: Any, particles: Any) -> Any:
+    def interrupting(film: recorder.Film, frame: Any, particles: Any) -> Any:
         if frame.index == 1:
             raise KeyboardInterrupt
         return shoot(film, frame, particles)
 
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline.Film, "shoot", interrupting)
+        patch.setattr(recorder.Film, "shoot", interrupting)
         outcome = pipeline.run(scene)
     assert (outcome.status, outcome.path, outcome.frames) == ("interrupted", samples(tmp_path)[0], 1)
     assert check_incomplete(samples(tmp_path)[0], reason="interrupted by the user") == 1
@@ -285,7 +285,7 @@ def test_an_interruption_before_the_first_frame_leaves_nothing(tmp_path: Path, m
     def interrupting(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline.Film, "shoot", interrupting)
+    monkeypatch.setattr(recorder.Film, "shoot", interrupting)
     outcome = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
     assert (outcome.status, outcome.path, outcome.report) == ("interrupted", None, {})
     assert not list(tmp_path.iterdir())

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from fracsim import Material, Output, Scene, compose
-from fracsim.run import console, lines, pipeline
+from fracsim.run import console, lines, pipeline, recorder
 from fracsim.run.attempt import Attempt, Task
 from fracsim.run.outcome import Outcome, health
 from fracsim.run.watcher import Watcher
@@ -86,7 +86,7 @@ def test_a_run_is_silent_and_is_watched(tmp_path: Path, capfd: pytest.CaptureFix
     other = pipeline.run(scene, watch)
     assert (other.status, other.reason) == ("existing", f"made by fracsim {__version__} with another stress.py: "
                                                         "output.overwrite=true makes it again")  # fmt: skip
-    console.show(scene, other)
+    console.show(scene, other, 1.0)
     assert capfd.readouterr().out == f"{outcome.path} is already there and whole, {other.reason}\n"
     line = lines._ending(Attempt(Task(scene), outcome.path.name, other, 0.0))
     assert line == f"already there, {other.reason}"
@@ -130,14 +130,14 @@ def test_a_scene_that_cannot_run_fails_with_its_message(
 def test_a_disk_that_fills_up_is_an_outcome_that_keeps_the_frames(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add = pipeline.Writer.add
+    add = recorder.Writer.add
 
-    def full(writer: pipeline.Writer, index: int, *frame: Any) -> None:
+    def full(writer: recorder.Writer, index: int, *frame: Any) -> None:
         if index == 2:
             raise OSError("output.folder=x: writing failed after 2 frames")
         add(writer, index, *frame)
 
-    monkeypatch.setattr(pipeline.Writer, "add", full)
+    monkeypatch.setattr(recorder.Writer, "add", full)
     outcome = pipeline.run(compose(*SMALL, f"output.folder={tmp_path}"))
     assert (outcome.status, outcome.reason) == ("failed", "output.folder=x: writing failed after 2 frames")
     assert (outcome.frames, outcome.report) == (2, {})

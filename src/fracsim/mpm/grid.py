@@ -77,7 +77,7 @@ class NodeGrid:
     def clear(self) -> None:
         """Zero whatever a substep that failed half-way has left."""
         for array in (self.pad, self.momentum):
-            array.from_numpy(np.zeros_like(array.to_numpy()))  # fill() would compile a kernel for each array
+            array.from_numpy(np.zeros_like(array.to_numpy()))
 
     def arrays(self) -> tuple[Any, ...]:
         """The arrays in the order of the kernel of substeps."""

@@ -65,21 +65,21 @@ def heading(number: int, overrides: Sequence[str]) -> None:
     OUT.print(f"\n[bold]scene {number}[/]  {escape(' '.join(overrides))}", soft_wrap=True)
 
 
-def show(scene: Scene, outcome: Outcome) -> None:
-    """Print what happened and where the sample lies; nothing when no frame was finished."""
+def show(scene: Scene, outcome: Outcome, wall: float) -> None:
+    """Print what happened in `wall` [s], and where the sample lies; nothing when no frame was finished."""
     if outcome.status == "existing":
         about = f", {outcome.reason}" if outcome.reason else "; output.overwrite=true makes it again"
         OUT.print(f"{escape(f'{outcome.path} is already there and whole{about}')}", soft_wrap=True)
     elif outcome.report:
-        _table(scene, outcome)
+        _table(scene, outcome, wall)
 
 
-def _table(scene: Scene, outcome: Outcome) -> None:
+def _table(scene: Scene, outcome: Outcome, wall: float) -> None:
     """Print the report, the warnings and the paths."""
     t = Table(show_header=False, box=None, padding=(0, 0, 0, 0))
     t.add_column(style="bold", width=LABEL)
     t.add_column(overflow="fold")
-    for name, value in _rows(scene, outcome.report, outcome.seconds):
+    for name, value in (*_rows(scene, outcome.report), ("seconds", _seconds(outcome.seconds, wall))):
         t.add_row(name, escape(value))
     if outcome.frames < scene.capture.frames:
         t.add_row("INCOMPLETE", f"{outcome.frames} of {scene.capture.frames} frames")
@@ -92,7 +92,7 @@ def _table(scene: Scene, outcome: Outcome) -> None:
             OUT.print(f"[bold]{name:<{LABEL}}[/]{escape(str(file))}", soft_wrap=True)
 
 
-def _rows(scene: Scene, r: Mapping[str, Any], seconds: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+def _rows(scene: Scene, r: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """The rows of the final table."""
     what = Path(scene.asset.path).name or scene.asset.name
     yield "object", f"{what}, {r['particles']:,} particles, {scene.material.law}, {scene.solver.formulation}"
@@ -106,7 +106,12 @@ def _rows(scene: Scene, r: Mapping[str, Any], seconds: Mapping[str, float]) -> I
     low, high = f"{r['dt_min']:.3g}", f"{r['dt_max']:.3g}"
     yield "substeps", f"{r['substeps']:,}, dt {low if low == high else f'{low} to {high}'} s"
     yield "energy [J]", _energy(r["energy"])
-    yield "seconds", ", ".join(f"{k} {v:.1f}" for k, v in seconds.items()) + f"; all {sum(seconds.values()):.1f}"
+
+
+def _seconds(seconds: Mapping[str, float], wall: float) -> str:
+    """Time by phase, and all of it; with a process beside it, frames are rendered and written while it simulates."""
+    meanwhile = "" if "render" in seconds else ", rendered and written meanwhile"
+    return ", ".join(f"{phase} {s:.1f}" for phase, s in seconds.items()) + f"{meanwhile}; all {wall:.1f}"
 
 
 def _energy(e: Mapping[str, float]) -> str:

@@ -28,7 +28,7 @@ def run(cfg: Any) -> Summary:
         shown = _lines(hydra, cfg, len(todo))
         summary = run_all(_resolved(todo), logger.Logged(shown, _logger(hydra, cfg, len(todo))))
     else:
-        summary = run_all(_resolved(todo), lines.One(), record=False)
+        summary = run_all(_resolved(todo), lines.One(), record=False, beside=True)
     RESULTS.append(summary)
     if summary.interrupted:
         raise KeyboardInterrupt

@@ -32,7 +32,7 @@ class One(SweepWatcher):
     def done(self, attempt: Attempt) -> None:
         """Print the table, and the error if there is one."""
         if attempt.task.scene is not None:
-            console.show(attempt.task.scene, attempt.outcome)
+            console.show(attempt.task.scene, attempt.outcome, attempt.wall)
         if attempt.outcome.status == "failed":
             complain(attempt.outcome.reason)
 

@@ -21,12 +21,14 @@ _cleared: set[Path] = set()
 """Folders whose leftovers this process has removed."""
 
 
-def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, record: bool = True) -> Summary:
+def run_all(
+    scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, record: bool = True, beside: bool = False
+) -> Summary:
     """Run scenes, write their samples, and count what came of them; prints nothing.
 
     Whole samples that are there are not made again. With `record`, every other attempt is a line of the journal, and a
     failed one a file in failures/. After Ctrl-C, SIGTERM or SIGHUP the scene is kept as incomplete, and no other one
-    begins. Raises OSError when the journal cannot be written.
+    begins. `beside` is that of `pipeline.run`. Raises OSError when the journal cannot be written.
     """
     watch, summary = watch or SweepWatcher(), Summary()
     with Interrupt() as interrupt:
@@ -34,7 +36,7 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, r
             interrupt.check()
             task = item if isinstance(item, Task) else Task(item)
             with watch.scene(task) as follow:
-                attempt = run_one(task, follow, record)
+                attempt = run_one(task, follow, record, beside)
             summary.add(attempt)
             watch.done(attempt)
             if summary.interrupted:
@@ -44,7 +46,7 @@ def run_all(scenes: Iterable[Scene | Task], watch: SweepWatcher | None = None, r
     return summary
 
 
-def run_one(task: Task, follow: Watcher | None = None, record: bool = True) -> Attempt:
+def run_one(task: Task, follow: Watcher | None = None, record: bool = True, beside: bool = False) -> Attempt:
     """Run one scene as `run_all` does; after an interruption the attempt says so."""
     folder = _folder(task)
     if folder not in _cleared:
@@ -52,7 +54,7 @@ def run_one(task: Task, follow: Watcher | None = None, record: bool = True) -> A
         _cleared.add(folder)
     start, details = time.perf_counter(), ""
     try:
-        outcome = _run(task, follow)
+        outcome = _run(task, follow, beside)
     except Exception as error:  # a fault of the program: of this scene, not of the sweep
         status: Status = "interrupted" if interrupted() else "failed"
         outcome = Outcome(status, reason=f"{type(error).__name__}: {error}")
@@ -68,13 +70,13 @@ def run_one(task: Task, follow: Watcher | None = None, record: bool = True) -> A
     return attempt
 
 
-def _run(task: Task, follow: Watcher | None) -> Outcome:
+def _run(task: Task, follow: Watcher | None, beside: bool) -> Outcome:
     """What comes of a task."""
     if task.scene is None:
         return Outcome("failed", reason=task.error)
     from fracsim.run import pipeline  # loads Taichi, which a process that only starts others does not need
 
-    return pipeline.run(task.scene, follow)
+    return pipeline.run(task.scene, follow, beside)
 
 
 def _folder(task: Task) -> Path:

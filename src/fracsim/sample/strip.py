@@ -85,10 +85,11 @@ class Strip:
         self._title = (1 if fits else 2) * LINE + MARGIN
         width, height = tiles * (w + GAP) + GAP, self._title + h + GAP
         background = self._background(width + width % 2, height + height % 2, scales)
+        plain = np.array(background)
         self._scratch.seek(0)
         with Encoder(path, width + width % 2, height + height % 2, "strip") as encoder:
             for index, ranges in enumerate(self._ranges):
-                picture = self._stamped(background, f"t = {index / self._header.fps:.3f} s")
+                picture = self._stamped(background, plain, f"t = {index / self._header.fps:.3f} s")
                 for k, tile in enumerate(self._tiles(ranges, scales)):
                     left = GAP + k * (w + GAP)
                     picture[self._title : self._title + h, left : left + w] = tile
@@ -118,36 +119,37 @@ class Strip:
         texts = [("rgb", CLOCK)] if self._header.rgb else []
         return texts + [(i.label, f"0 to {amount(scales[name], i.unit)}") for name, i in self._header.maps.items()]
 
-    def _stamped(self, background: Image.Image, time: str) -> Array:
-        """A copy of the picture with the time of a frame behind the first label, uint8 [H, W, 3]."""
-        picture = background.copy()
+    def _stamped(self, background: Image.Image, plain: Array, time: str) -> Array:
+        """A copy of the background, `plain` uint8 [H, W, 3], with the time of a frame behind the first label."""
+        picture = plain.copy()
         if self._header.rgb:
-            at = (GAP + 40, 4) if self._title == LINE + MARGIN else (GAP + 4, 4 + LINE)
-            ImageDraw.Draw(picture).text(at, time, fill=GREY, font=_font())
-        return np.array(picture)
+            left, top = (GAP + 40, 4) if self._title == LINE + MARGIN else (GAP + 4, 4 + LINE)
+            stamp = background.crop((left, top, background.width, top + LINE))
+            ImageDraw.Draw(stamp).text((0, 0), time, fill=GREY, font=_font())
+            picture[top : top + LINE, left:] = stamp
+        return picture
 
     def _tiles(self, ranges: list[tuple[float, float]], scales: dict[str, float]) -> list[Array]:
         """The next frame of the scratch file as uint8 pictures."""
-        alpha: Array = np.ones((*self._shape, 1), np.float32)
+        pixels = self._shape[0] * self._shape[1]
+        alpha: Array = np.full(pixels, 255, np.uint8)
         tiles, scalars = [], 0
         if self._header.rgb:
             tiles.append(self._next(np.uint8, (*self._shape, 3)))
         if self._header.alpha:
-            alpha = self._next(np.uint8, (*self._shape, 1)).astype(np.float32) / 255
-        covered = alpha[..., 0] > 0  # most pixels are empty and need no arithmetic
-        alpha = alpha[covered]
+            alpha = self._next(np.uint8, (pixels,))
+        covered = np.flatnonzero(alpha)  # most pixels are empty and need no arithmetic
+        share = alpha[covered, None] / np.float32(255)
+        white = 255 * (1 - share) + np.float32(0.5)
         for (name, info), span in zip(self._header.maps.items(), ranges, strict=True):
-            planes = self._planes(info, span)[:, covered] / np.float32(scales[name])
+            codes = self._next(np.uint16, (info.channels, pixels))[:, covered]
+            planes = dequantise(codes, *span) / np.float32(scales[name])
             colour = vectors(planes) if info.channels == 2 else scalar(planes, COLOURS[scalars % len(COLOURS)])
             scalars += info.channels != 2
-            tile: Array = np.full((*self._shape, 3), 255, np.uint8)
-            tile[covered] = 255 * (1 - alpha) + colour * alpha + 0.5
-            tiles.append(tile)
+            tile: Array = np.full((pixels, 3), 255, np.uint8)
+            tile[covered] = white + colour * share
+            tiles.append(tile.reshape(*self._shape, 3))
         return tiles
-
-    def _planes(self, info: MapInfo, span: tuple[float, float]) -> Array:
-        """The next map of the scratch file, [C, H, W] float32."""
-        return dequantise(self._next(np.uint16, (info.channels, *self._shape)), *span)
 
     def _next(self, kind: type[np.generic], shape: tuple[int, ...]) -> Array:
         size = int(np.prod(shape)) * np.dtype(kind).itemsize

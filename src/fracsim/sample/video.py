@@ -21,6 +21,7 @@ from typing import Any, cast
 import numpy as np
 from imageio_ffmpeg import get_ffmpeg_exe
 
+from fracsim.entry.interrupt import APART
 from fracsim.records import Array
 
 DECODER = "FRACSIM_DECODER"
@@ -52,10 +53,10 @@ class Encoder:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # an unread pipe could fill and block
         command = [get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", pixels,
                    "-s", f"{width}x{height}", "-r", str(FPS), "-i", "-", "-an", *options, str(path)]  # fmt: skip
-        # A session of its own: Ctrl-C at the terminal must not end the encoder before its last frame.
+        # Ctrl-C at the terminal must not end the encoder before its last frame.
         try:
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                                             stderr=self._errors, start_new_session=True)  # fmt: skip
+                                             stderr=self._errors, **APART)  # fmt: skip
         except (FileNotFoundError, PermissionError) as error:
             raise ValueError(f"ffmpeg cannot be started as {command[0]} ({error.strerror}): unset "
                              "IMAGEIO_FFMPEG_EXE, or set it to an ffmpeg that runs.") from None  # fmt: skip
