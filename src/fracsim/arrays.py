@@ -10,7 +10,6 @@ from collections import defaultdict
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from taichi.lang import impl
 from taichi.lang._ndarray import ScalarNdarray
 from taichi.lang.matrix import MatrixNdarray, VectorNdarray

@@ -9,8 +9,8 @@ from typing import Any
 APART: dict[str, Any] = {"process_group": 0} if sys.version_info >= (3, 11) else {"start_new_session": True}
 """Options of `subprocess.Popen` for a process that a Ctrl-C at the terminal must not end.
 
-A group of its own is enough. Linux shares its cores out between sessions first (autogroups), so that in a session of its
-own an encoder would get as much time as the simulation, whatever its niceness.
+A group of its own is enough. Linux shares its cores out between sessions first (autogroups): in a session of its own
+an encoder would get as much time as the simulation, whatever its niceness.
 """
 
 _active: list["Interrupt"] = []

@@ -49,7 +49,7 @@ class Answer(NamedTuple):
 
 
 class Beside:
-    """A `Recorder` in another process. What goes wrong there is raised here by the next call, at the latest `finish`."""
+    """A `Recorder` in another process; what goes wrong there is raised here by a later call, at last by `finish`."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -138,7 +138,7 @@ class Beside:
         cast(BinaryIO, self._process.stdout).close()
 
 
-class Abandoned(Exception):
+class AbandonedError(Exception):
     """The frames have ended before the last one, without `finish`."""
 
 
@@ -176,7 +176,7 @@ def _record(recorder: Recorder, messages: BinaryIO, answers: BinaryIO) -> Answer
         while isinstance(message := pickle.load(messages), Frame):
             recorder.add(message)
     except (EOFError, pickle.UnpicklingError):
-        raise Abandoned("its simulation was killed, or failed without a word") from None
+        raise AbandonedError("its simulation was killed, or failed without a word") from None
     return Answer(recorder.finish(*message))
 
 

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from fracsim.records import Array
 from fracsim.sample.coverage import FAINT
-from fracsim.sample.header import Header, MapInfo
+from fracsim.sample.header import Header
 from fracsim.sample.quantise import dequantise, quantise, split
 from fracsim.sample.video import Encoder
 
@@ -121,7 +121,7 @@ class Strip:
 
     def _stamped(self, background: Image.Image, plain: Array, time: str) -> Array:
         """A copy of the background, `plain` uint8 [H, W, 3], with the time of a frame behind the first label."""
-        picture = plain.copy()
+        picture: Array = plain.copy()
         if self._header.rgb:
             left, top = (GAP + 40, 4) if self._title == LINE + MARGIN else (GAP + 4, 4 + LINE)
             stamp = background.crop((left, top, background.width, top + LINE))
