@@ -106,6 +106,7 @@ def complain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Capt
         ("camera.width=100", "camera.width=100|a multiple of 16"),
         ("capture.frames=0", "capture.frames=0|[1, 10000]"),
         ("backend.arch=opencl", "backend.arch=opencl|cpu, cuda, vulkan, metal"),
+        ("output=out", "output=out cannot be used|set one of its fields, output.folder, output.overwrite"),
         ("asset.name=duk", "asset.name=duk is not known|choose one of bar, bear|Did you mean duck?"),
         # Names of plug-ins, and what only the object or the solver can tell.
         ("material.law=jelly", "material.law=jelly|fixed_corotated, neo_hookean"),
