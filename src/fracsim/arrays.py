@@ -62,7 +62,7 @@ class _InMemory:
     """An array of Taichi that lies in the memory of the host."""
 
     def _memory(self: Any) -> Array:
-        """The memory itself, (*shape, *element); valid for as long as the array."""
+        """The memory itself, (N, ...); valid for as long as the array."""
         if self._view is None:
             dtype, shape = np.dtype(to_numpy_type(self.dtype)), (*self.shape, *self.element_shape)
             start = impl.get_runtime().prog.get_ndarray_data_ptr_as_int(self.arr)
@@ -73,11 +73,11 @@ class _InMemory:
     _view: Array | None = None
 
     def to_numpy(self) -> Array:
-        """A copy of the values, (*shape, *element)."""
+        """A copy of the values, (N, ...)."""
         return np.array(self._memory())
 
     def from_numpy(self, values: Array) -> None:
-        """Set the values, (*shape, *element); raises ValueError for another shape."""
+        """Set the values, (N, ...); raises ValueError for another shape."""
         memory = self._memory()
         if values.shape != memory.shape:
             raise ValueError(f"an array of shape {memory.shape} cannot hold values of shape {values.shape}.")

@@ -40,6 +40,16 @@ def is_lanes(value: Any) -> bool:
     return Vectors.compiling and isinstance(value, Expr) and value.is_tensor() and tuple(value.get_shape()) == (WIDTH,)
 
 
+def held(value: Any) -> Any:
+    """A value, or a list of them, computed once: each use of a Python name in a kernel computes it anew otherwise."""
+    return impl.expr_init(value)
+
+
+def entry(array: Any, *index: Any) -> Any:
+    """An entry of an array, a vector or a matrix in a kernel, to read it or to assign to it."""
+    return array[index] if isinstance(array, Matrix3) else impl.subscript(None, array, *index)
+
+
 @inline
 def vector(values: Sequence[Any]) -> Any:
     """A vector of lanes from WIDTH numbers."""

@@ -8,7 +8,7 @@ import math
 
 import taichi as ti
 
-from fracsim.lanes import is_lanes, matrix, some
+from fracsim.lanes import entry, held, inline, is_lanes, matrix, some
 
 J_MIN = 0.05
 """Smallest volume ratio that the stress sees. Smaller ratios are clamped to it, and the clamps are counted."""
@@ -27,18 +27,13 @@ def deformed(grad_u):
     ])  # fmt: skip
 
 
-@ti.func
+@inline
 def cofactor(F):
-    """cof F = J F^-T."""
-    return matrix([[_cofactor(F, i, j) for j in ti.static(range(3))] for i in ti.static(range(3))])
-
-
-@ti.func
-def _cofactor(F, i: ti.template(), j: ti.template()):
-    """One entry of cof F, from the 2 x 2 matrix that is left without row i and column j, both taken in a circle."""
-    a, b = ti.static((i + 1) % 3, (i + 2) % 3)
-    c, d = ti.static((j + 1) % 3, (j + 2) % 3)
-    return F[a, c] * F[b, d] - F[a, d] * F[b, c]
+    """cof F = J F^-T: an entry is the determinant of what is left without its row and column, taken in a circle."""
+    F = held(F)
+    circle = [(1, 2), (2, 0), (0, 1)]
+    return matrix([[entry(F, a, c) * entry(F, b, d) - entry(F, a, d) * entry(F, b, c) for c, d in circle]
+                   for a, b in circle])  # fmt: skip
 
 
 @ti.func
@@ -84,16 +79,13 @@ def _slope(i, I, J):
     return ti.max(i * (i * i - I) - 2 * J, 1e-4 * i * i * i)
 
 
-@ti.func
+@inline
 def gram(F):
     """The six distinct entries 00, 11, 22, 01, 02, 12 of F^T F."""
-    return _column(F, 0, 0), _column(F, 1, 1), _column(F, 2, 2), _column(F, 0, 1), _column(F, 0, 2), _column(F, 1, 2)
-
-
-@ti.func
-def _column(F, i: ti.template(), j: ti.template()):
-    """Column i of F times column j."""
-    return F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
+    F = held(F)
+    columns = [[entry(F, k, i) for k in range(3)] for i in range(3)]
+    pairs = [(columns[i], columns[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return held([a[0] * b[0] + a[1] * b[1] + a[2] * b[2] for a, b in pairs])
 
 
 @ti.func

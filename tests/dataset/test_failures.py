@@ -22,7 +22,7 @@ def test_an_exception_in_one_draw_does_not_stop_the_others(tmp_path: Path, monke
     good, bad = (compose(*SMALL, f"seed={seed}", f"output.folder={tmp_path}") for seed in (1, 2))
     run = pipeline.run
 
-    def faulty(scene: Scene, watch: Any) -> Outcome:
+    def faulty(scene: Scene, watch: Any, beside: bool) -> Outcome:
         if scene.seed == 2:
             raise ZeroDivisionError("a fault of the program")
         return Outcome("complete", tmp_path, report={"break_frame": 3}, seconds={"simulate": 1.0}, frames=4)

@@ -116,7 +116,7 @@ def kinetic_of_nodes(g: ti.template(), at, f):
     """Kinetic energy a mass of the nodes around a particle, sum w |v_i|^2 / 2 [m^2/s^2]."""
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     sum = f[0] * 0
-    for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
+    for i, j, k in ti.ndrange(3, 3, 3):
         node = g.velocity[at + i * g.sx + j * g.sy + k * g.sz]
         sum += (wx[i] * wy[j] * wz[k]) * (node[0] ** 2 + node[1] ** 2 + node[2] ** 2)
     return sum / 2
@@ -127,7 +127,7 @@ def velocity_of_nodes(g: ti.template(), at, f):
     """Velocity of the nodes around a particle, sum w v_i [m/s]."""
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     sum = 0 * f
-    for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
+    for i, j, k in ti.ndrange(3, 3, 3):
         node = g.velocity[at + i * g.sx + j * g.sy + k * g.sz]
         sum += (wx[i] * wy[j] * wz[k]) * ti.Vector([node[0], node[1], node[2]])
     return sum

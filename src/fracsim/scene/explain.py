@@ -45,7 +45,9 @@ def explain(error: Exception, overrides: Sequence[str], schema: type, noun: str,
             return knob.refusal(name, value, default)
     inside = [name for name, _, _ in describe(schema) if name.startswith(f"{field}.")]
     if inside and isinstance(cause, ValidationError):
-        return f"{field}={value} cannot be used: {field} is a section; set one of its fields, {', '.join(inside)}. {see}"
+        return (
+            f"{field}={value} cannot be used: {field} is a section; set one of its fields, {', '.join(inside)}. {see}"
+        )
     return f"{field}={value} cannot be used: {str(cause).splitlines()[0]}. {see}"
 
 

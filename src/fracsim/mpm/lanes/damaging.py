@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from fracsim.lanes import WIDTH, matrix, some
+from fracsim.lanes import WIDTH, entry, held, inline, matrix, some
 from fracsim.mpm.lanes.groups import AT, MERGED
 from fracsim.mpm.lanes.record import AFFINE, DAMAGE, EXCESS, GRAD, MOTION, NEVER, NOW, OFFSET, VOLUME, alive, nine
 from fracsim.mpm.params import CRIT, DENSITY, DT, LAM, MU, ONSET, RELEASED
@@ -78,11 +78,16 @@ def shared(q, values, c: ti.template()):
     """The sums over the lanes of each cell, where several lanes are parts of one."""
     out = values
     if c.particles.rows[q, MERGED] != 0:
-        owner, parts = c.particles.owner[q], values
-        out = 0 * values
-        for l in ti.static(range(WIDTH)):
-            out = out + ti.select(owner == owner[l], parts[l] + 0 * parts, 0 * parts)
+        out = _sums(c.particles.owner[q], values)
     return out
+
+
+@inline
+def _sums(owner, values):
+    """The sum over the lanes of the same owner, in each of them."""
+    owner, values = held(owner), held(values)
+    parts = [ti.select(owner == entry(owner, l), entry(values, l) + 0 * values, 0 * values) for l in range(WIDTH)]
+    return held(sum(parts[1:], parts[0]))
 
 
 @ti.func

@@ -7,9 +7,10 @@ other part of a simulation needs to know of lanes.
 from functools import cache
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
-from fracsim.lanes import WIDTH, vector
+from fracsim.lanes import WIDTH, entry, inline, vector
 from fracsim.mpm.context import Context, NodeArrays, Variant
 from fracsim.mpm.kernels import CHUNK, last_step, types
 from fracsim.mpm.lanes.cell import update_group
@@ -26,6 +27,8 @@ from fracsim.mpm.lanes.record import (
     VELOCITY,
     VOLUME,
     LaneArrays,
+    nine,
+    three,
 )
 from fracsim.mpm.node import update_node
 from fracsim.mpm.params import ABOVE, EXEMPT, FREE, PARAMETERS
@@ -115,19 +118,18 @@ def exchange(real: Any, forced: bool) -> tuple[Any, Any]:
             q = [ti.max(p[l], 0) for l in ti.static(range(WIDTH))]
             lanes = ti.static(range(WIDTH))
             damage = vector([ti.select(p[l] >= 0, D[q[l]], 1) for l in lanes])
-            size = vector([volume[q[l]] for l in lanes])
+            size = of_each(volume, q)
             record[r, DAMAGE], record[r, VOLUME] = damage, ti.select(damage < 1, size, 0 * size)
             record[r, EXCESS] = vector([excess_of(tag[q[l]], real) for l in lanes])
             record[r, GRIP] = vector([ti.cast(tag[q[l]] % EXEMPT - FREE, real) for l in lanes])
             for i in ti.static(range(3)):
-                record[r, OFFSET + i] = vector([offset[q[l]][i] for l in lanes])
-                record[r, SHIFT + i] = vector([U[q[l]][i] for l in lanes])
-                motion[r, VELOCITY + i] = vector([V[q[l]][i] for l in lanes])
+                record[r, OFFSET + i], record[r, SHIFT + i] = of_each(offset, q, i), of_each(U, q, i)
+                motion[r, VELOCITY + i] = of_each(V, q, i)
                 if ti.static(forced):
-                    record[r, FORCE + i] = vector([force[q[l]][i] for l in lanes])
+                    record[r, FORCE + i] = of_each(force, q, i)
                 for j in ti.static(range(3)):
-                    record[r, GRAD + 3 * i + j] = vector([grad_u[q[l]][i, j] for l in lanes])
-                    motion[r, AFFINE + 3 * i + j] = vector([C[q[l]][i, j] for l in lanes])
+                    record[r, GRAD + 3 * i + j] = of_each(grad_u, q, i, j)
+                    motion[r, AFFINE + 3 * i + j] = of_each(C, q, i, j)
 
     @ti.kernel
     def store(
@@ -135,20 +137,32 @@ def exchange(real: Any, forced: bool) -> tuple[Any, Any]:
         U: Vector, V: Vector, C: Matrix, grad_u: Matrix, D: Scalar,  # out, see `ParticleArrays`
     ):  # fmt: skip
         for r in range(particle.shape[0]):
-            d = record[r, DAMAGE]
-            u, v = [[record[r, SHIFT + i] for i in ti.static(range(3))], [motion[r, i] for i in ti.static(range(3))]]
-            g = [record[r, GRAD + k] for k in ti.static(range(9))]
-            a = [motion[r, AFFINE + k] for k in ti.static(range(9))]
+            d, u, v = record[r, DAMAGE], three(record, r, SHIFT), three(motion, r, VELOCITY)
+            g, a = nine(record, r, GRAD), nine(motion, r, AFFINE)
             for l in ti.static(range(WIDTH)):
                 p = particle[r, l]
                 if p >= 0:
                     D[p] = d[l]
-                    for i in ti.static(range(3)):
-                        U[p][i], V[p][i] = u[i][l], v[i][l]
-                        for j in ti.static(range(3)):
-                            grad_u[p][i, j], C[p][i, j] = g[3 * i + j][l], a[3 * i + j][l]
+                    put_lane(l, p, U, V, grad_u, C, u, v, g, a)
 
     return load, store
+
+
+@inline
+def of_each(array, particles, *index):
+    """An entry of each particle's value in an array, as a vector of lanes."""
+    return vector([entry(entry(array, p), *index) if index else entry(array, p) for p in particles])
+
+
+@inline
+def put_lane(l, p, U, V, grad_u, C, u, v, g, a):
+    """Give particle p what stands in lane l of two lists and two matrices."""
+    for array, values in ((U, u), (V, v)):
+        for i in range(3):
+            entry(entry(array, p), i)._assign(entry(values[i], l))
+    for array, values in ((grad_u, g), (C, a)):
+        for i, j in np.ndindex(3, 3):
+            entry(entry(array, p), i, j)._assign(entry(values[i, j], l))
 
 
 @ti.func

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import taichi as ti
 
-from fracsim.lanes import matrix
+from fracsim.lanes import entry, held, inline, matrix
 
 # Columns of a record: offset from the lowest node [cells], volume at rest [m^3], damage, displacement [m], grad u,
 # excess of strain by which thresholds rise, grip, body force a mass [m/s^2].
@@ -34,16 +34,16 @@ class LaneArrays(NamedTuple):
     """See `fracsim.mpm.lanes.transfer`, (threads * PLACES,)."""
 
 
-@ti.func
-def nine(array: ti.template(), r, first: ti.template()):
+@inline
+def nine(array, r, first):
     """The 3 x 3 matrix in columns `first` and following of a record."""
-    return matrix([[array[r, first + 3 * i + j] for j in ti.static(range(3))] for i in ti.static(range(3))])
+    return matrix([[entry(array, r, first + 3 * i + j) for j in range(3)] for i in range(3)])
 
 
-@ti.func
-def three(array: ti.template(), r, first: ti.template()):
+@inline
+def three(array, r, first):
     """The three vectors in columns `first` and following of a record."""
-    return [array[r, first + k] for k in ti.static(range(3))]
+    return held([entry(array, r, first + k) for k in range(3)])
 
 
 @ti.func

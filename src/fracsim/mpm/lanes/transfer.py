@@ -1,8 +1,9 @@
 """Transfers between the nodes of WIDTH cells and a particle of each: `fracsim.mpm.transfer`, with a particle a lane."""
 
+import numpy as np
 import taichi as ti
 
-from fracsim.lanes import WIDTH, matrix, vector
+from fracsim.lanes import WIDTH, entry, held, inline, matrix, vector
 
 NODES, SUMS, PLACES = 0, 81, 200
 """Places of a pad: the velocities of the 27 nodes of each cell, three vectors a node, and what particles add to them,
@@ -83,16 +84,16 @@ def weights_of(f):
     return [(1.5 - f) * (1.5 - f) / 2, 0.75 - (f - 1) * (f - 1), (f - 0.5) * (f - 0.5) / 2]
 
 
-@ti.func
-def nested(o, pad: ti.template(), m: ti.template(), w: ti.template()):
+@inline
+def nested(o, pad, m, w):
     """sum_i w v and sum_i w k v for the offsets k of the nodes along x, y and z, where v is number m of a node."""
-    x, y, z = ti.static(w[0], w[1], w[2])
-    n = [pad[o + NODES + 3 * k + m] for k in ti.static(range(27))]
-    lines = [z[0] * n[3 * i] + z[1] * n[3 * i + 1] + z[2] * n[3 * i + 2] for i in ti.static(range(9))]
-    along = [z[1] * n[3 * i + 1] + (2 * z[2]) * n[3 * i + 2] for i in ti.static(range(9))]
-    planes = [y[0] * lines[3 * i] + y[1] * lines[3 * i + 1] + y[2] * lines[3 * i + 2] for i in ti.static(range(3))]
-    by_y = [y[1] * lines[3 * i + 1] + (2 * y[2]) * lines[3 * i + 2] for i in ti.static(range(3))]
-    by_z = [y[0] * along[3 * i] + y[1] * along[3 * i + 1] + y[2] * along[3 * i + 2] for i in ti.static(range(3))]
+    x, y, z = w
+    n = held([entry(pad, o + (NODES + 3 * k + m)) for k in range(27)])
+    lines = held([z[0] * n[3 * i] + z[1] * n[3 * i + 1] + z[2] * n[3 * i + 2] for i in range(9)])
+    along = held([z[1] * n[3 * i + 1] + (2 * z[2]) * n[3 * i + 2] for i in range(9)])
+    planes = held([y[0] * lines[3 * i] + y[1] * lines[3 * i + 1] + y[2] * lines[3 * i + 2] for i in range(3)])
+    by_y = [y[1] * lines[3 * i + 1] + (2 * y[2]) * lines[3 * i + 2] for i in range(3)]
+    by_z = [y[0] * along[3 * i] + y[1] * along[3 * i + 1] + y[2] * along[3 * i + 2] for i in range(3)]
     return [
         x[0] * planes[0] + x[1] * planes[1] + x[2] * planes[2],
         x[1] * planes[1] + (2 * x[2]) * planes[2],
@@ -108,25 +109,29 @@ def clear_sums(o, pad: ti.template()):
         pad[o + SUMS + k] = 0 * pad[o + SUMS + k]
 
 
-@ti.func
-def scatter_lanes(o, pad: ti.template(), f: ti.template(), momentum: ti.template(), affine: ti.template(), mass):
+@inline
+def scatter_lanes(o, pad, f, momentum, affine, mass):
     """Add w (momentum + affine (x_i - x_p), mass) to the sums of the 27 nodes."""
-    x, y, z = weights_of(f[0]), weights_of(f[1]), weights_of(f[2])
-    for m in ti.static(range(3)):
-        a = [affine[m, 0], affine[m, 1], affine[m, 2]]
-        base = momentum[m] - a[0] * f[0] - a[1] * f[1] - a[2] * f[2]
-        for k in ti.static(range(3)):
-            plane, by_x, by_y = z[k] * (base + k * a[2]), z[k] * a[0], z[k] * a[1]
-            for j in ti.static(range(3)):
-                line, slope = y[j] * (plane + j * by_y), y[j] * by_x
-                for i in ti.static(range(3)):
-                    n = o + SUMS + ti.static(4 * (9 * i + 3 * j + k) + m)
-                    pad[n] = pad[n] + x[i] * (line + i * slope)
-    for i, j in ti.static(ti.ndrange(3, 3)):
-        w = x[i] * y[j] * mass
-        for k in ti.static(range(3)):
-            n = o + SUMS + ti.static(4 * (9 * i + 3 * j + k) + 3)
-            pad[n] = pad[n] + z[k] * w
+    x, y, z = (held(weights_of(component)) for component in f)
+    mass = held(mass)
+
+    def add(i, j, k, m, value):
+        sum = entry(pad, o + (SUMS + 4 * (9 * i + 3 * j + k) + m))
+        sum._assign(sum + value)
+
+    for m in range(3):
+        a = affine.rows[m]
+        base = held(momentum[m] - a[0] * f[0] - a[1] * f[1] - a[2] * f[2])
+        for k in range(3):
+            plane, by_x, by_y = held([z[k] * (base + k * a[2]), z[k] * a[0], z[k] * a[1]])
+            for j in range(3):
+                line, slope = held([y[j] * (plane + j * by_y), y[j] * by_x])
+                for i in range(3):
+                    add(i, j, k, m, x[i] * (line + i * slope))
+    for i, j in np.ndindex(3, 3):
+        w = held(x[i] * y[j] * mass)
+        for k in range(3):
+            add(i, j, k, 3, z[k] * w)
 
 
 @ti.func
