@@ -143,7 +143,10 @@ def exchange(real: Any, forced: bool) -> tuple[Any, Any]:
                 p = particle[r, l]
                 if p >= 0:
                     D[p] = d[l]
-                    put_lane(l, p, U, V, grad_u, C, u, v, g, a)
+                    put_lane(U, p, u, l)
+                    put_lane(V, p, v, l)
+                    put_lane(grad_u, p, g, l)
+                    put_lane(C, p, a, l)
 
     return load, store
 
@@ -155,14 +158,11 @@ def of_each(array, particles, *index):
 
 
 @inline
-def put_lane(l, p, U, V, grad_u, C, u, v, g, a):
-    """Give particle p what stands in lane l of two lists and two matrices."""
-    for array, values in ((U, u), (V, v)):
-        for i in range(3):
-            entry(entry(array, p), i)._assign(entry(values[i], l))
-    for array, values in ((grad_u, g), (C, a)):
-        for i, j in np.ndindex(3, 3):
-            entry(entry(array, p), i, j)._assign(entry(values[i, j], l))
+def put_lane(array, p, values, l):
+    """Give particle p what stands in lane l of three vectors, or of a matrix of them."""
+    own, matrix = entry(array, p), not isinstance(values, list)
+    for index in np.ndindex(*((3, 3) if matrix else (3,))):
+        entry(own, *index)._assign(entry(values[index] if matrix else values[index[0]], l))
 
 
 @ti.func
