@@ -39,7 +39,7 @@ def test_an_exception_in_one_draw_does_not_stop_the_others(tmp_path: Path, monke
     assert file.name == f"{sample.scene_id(bad)}.yaml"
     assert file.read_text().startswith("# ZeroDivisionError: a fault of the program\n# Traceback")
     assert asdict(load_scene(file)) == asdict(bad)
-    monkeypatch.setattr(pipeline, "run", lambda *_: faulty(good, None))
+    monkeypatch.setattr(pipeline, "run", lambda *_: faulty(good, None, False))
     assert sweep.run_all([load_scene(file)]).made == 1
     assert not list((tmp_path / "failures").iterdir())
     monkeypatch.setattr(pipeline, "run", run)
