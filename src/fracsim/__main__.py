@@ -6,6 +6,7 @@ from fracsim import entry  # before Hydra, whose errors it explains
 
 import hydra  # isort: skip
 
+from fracsim.entry.memory import collect_rarely
 from fracsim.run import job
 from fracsim.scene.program import SIMULATE
 
@@ -16,6 +17,7 @@ RESUME = "repeat the command to go on; finished samples are not made again"
 
 def main() -> None:
     """Entry point; exit status 0 when every scene finished, 2 after an error, 130 after Ctrl-C or SIGTERM."""
+    collect_rarely()
     job.RESULTS.clear()
     entry.main(SIMULATE, run, RESUME)
     failed = sum(summary.failed for summary in job.RESULTS)

@@ -1,5 +1,6 @@
 """The only place that starts Taichi."""
 
+import atexit
 import io
 import os
 import time
@@ -58,12 +59,13 @@ def start(backend: Backend, alone: bool = True) -> None:
         if alone:
             _spread(_own_threads() - before, threads(backend))
     _started = backend
+    atexit.register(stop)  # not left to the destructor of Taichi's program, which may never be called
 
 
 def stop() -> None:
-    """Stop Taichi, which keeps the kernels that it has compiled; its arrays cannot be used any more."""
+    """Stop Taichi, which then writes the kernels that it has compiled; its arrays cannot be used any more."""
     global _started
-    if _started is not None:
+    if _started is not None and not _forked:
         import taichi as ti
 
         ti.reset()

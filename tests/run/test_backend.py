@@ -77,17 +77,27 @@ def test_the_lock_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["metadata.lock"]
 
 
+def kept_by(folder: Path, code: str) -> set[str]:
+    """The files of kernels after a process has run KERNEL."""
+    file = folder / "kernel.py"  # Taichi reads the source of a kernel
+    file.write_text(code)
+    assert python(f"exec(compile(open({str(file)!r}).read(), {str(file)!r}, 'exec'))") == "9.0\n"
+    return {path.name for path in (folder / "kernels").glob("*.tic")}
+
+
 def test_another_number_of_threads_finds_the_same_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine with one core runs one thread both times."""
     monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path))
-    kept = []
-    for threads in (1, 2):
-        file = tmp_path / "kernel.py"  # Taichi reads the source of a kernel
-        file.write_text(KERNEL.format(threads=threads))
-        assert python(f"exec(compile(open({str(file)!r}).read(), {str(file)!r}, 'exec'))") == "9.0\n"
-        kept.append({path.name for path in (tmp_path / "kernels").glob("*.tic")})
-    assert kept[0]
-    assert kept[0] == kept[1]
+    first, second = (kept_by(tmp_path, KERNEL.format(threads=threads)) for threads in (1, 2))
+    assert first
+    assert first == second
+
+
+def test_a_program_that_collects_rarely_keeps_its_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its end frees no objects: the kernels are written by `backend.stop`, not by a destructor."""
+    monkeypatch.setenv("FRACSIM_CACHE", str(tmp_path))
+    rarely = "from fracsim.entry.memory import collect_rarely\ncollect_rarely()\n"
+    assert kept_by(tmp_path, rarely + KERNEL.format(threads=1))
 
 
 def test_a_first_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

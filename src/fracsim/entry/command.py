@@ -11,7 +11,6 @@ from typing import Any, NoReturn, TypeVar
 os.environ.setdefault("HYDRA_FULL_ERROR", "1")
 
 from fracsim.entry.interrupt import Interrupt, interrupted
-from fracsim.entry.memory import collect_rarely
 from fracsim.scene.program import Program
 from fracsim.scene.quoting import quoted
 from fracsim.version import __version__
@@ -93,7 +92,6 @@ def main(program: Program[Any], run: Callable[[], Any], resume: str) -> None:
     if "--version" in sys.argv[1:]:
         print(f"{program.name} {__version__}")  # Hydra would print its own
         return
-    collect_rarely()
     warn_plainly()
     multirun = [a for a in sys.argv[1:] if a in ("-m", "--multirun")]
     rest = quoted([a for a in sys.argv[1:] if a not in multirun])

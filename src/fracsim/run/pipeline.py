@@ -1,5 +1,7 @@
 """From a scene to a sample on disk: object -> particles -> frames -> pictures -> files."""
 
+import os
+
 from fracsim import backend
 from fracsim.asset.build import build_of
 from fracsim.entry.interrupt import Interrupt, interrupted
@@ -54,7 +56,7 @@ def run(scene: Scene, watch: Watcher | None = None, beside: bool = False) -> Out
 def _worthwhile(scene: Scene) -> bool:
     """Whether a second process saves time: there are pictures, and a core that the simulation does not always use."""
     several = backend.threads(scene.backend) > 1 and scene.capture.frames >= FEW
-    return scene.backend.arch == "cpu" and several and scene.capture.renders
+    return os.name == "posix" and scene.backend.arch == "cpu" and several and scene.capture.renders
 
 
 def _existing(scene: Scene) -> Outcome | None:
