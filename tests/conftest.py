@@ -15,6 +15,7 @@ settings.register_profile("any machine", deadline=None)  # no test is about time
 settings.load_profile("any machine")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give the tests of a folder to one process."""
     here = Path(__file__).parent

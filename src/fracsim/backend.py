@@ -63,7 +63,7 @@ def start(backend: Backend, alone: bool = True) -> None:
 
 
 def stop() -> None:
-    """Stop Taichi, which then writes the kernels that it has compiled; its arrays cannot be used any more."""
+    """Stop Taichi at the end of a process: it writes the kernels that it has compiled, and its arrays are gone."""
     global _started
     if _started is not None and not _forked:
         import taichi as ti
