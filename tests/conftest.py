@@ -1,6 +1,7 @@
 """Taichi starts once a process, for the tests that ask for it: on the CPU with two threads; scenes choose fewer.
 
-With `-n` processes run folders side by side; a folder stays together, since its tests share what they have made.
+With `-n` processes run folders side by side; a folder stays together, since its tests share what they have made. Under
+pytest 9.2 pytest-xdist 3.8 loses the groups, so that an older one is asked for.
 """
 
 import os
