@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,20 @@ def test_an_error_while_it_films_ends_the_simulation_and_keeps_what_was_written(
     assert (outcome.status, outcome.reason, outcome.frames) == ("failed", "no value at frame 2", 2)
     assert samples(tmp_path / "out") == [outcome.path]
     assert not sample.read(outcome.path, allow_incomplete=True).complete
+
+
+def test_a_disk_that_fills_up_is_named_and_keeps_what_was_written(tmp_path: Path) -> None:
+    """A limit on the size of a file stands for it; that of small pictures for the strip outgrows it first."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_300_000, limits[1]))  # more than what is reserved for the end
+    try:
+        outcome = run(tmp_path, "capture.frames=40")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert outcome.status == "failed"
+    assert f"output.folder={tmp_path}: writing failed after {outcome.frames} frames" in outcome.reason
+    assert 1 <= outcome.frames < 40
+    assert sample.read(samples(tmp_path)[0], allow_incomplete=True).frames == outcome.frames
 
 
 def test_the_end_of_the_simulation_keeps_all_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

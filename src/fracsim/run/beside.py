@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+import warnings
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from fracsim.entry.command import warn_plainly
 from fracsim.entry.interrupt import APART
 from fracsim.entry.memory import collect_rarely
 from fracsim.records import Frame, Particles
-from fracsim.run.recorder import Recorded, Recorder
+from fracsim.run.recorder import Ending, Recorded, Recorder
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.scene.vocab import Scene
 
@@ -76,15 +76,9 @@ class Beside:
         self._put(frame)
         self.frames += 1
 
-    def finish(
-        self,
-        report: Mapping[str, Any],
-        history: Mapping[str, Sequence[float]],
-        seconds: Mapping[str, float],
-        reason: str = "",
-    ) -> Recorded:
+    def finish(self, end: Ending) -> Recorded:
         """Close the sample once all frames are written, as `Recorder.finish` does."""
-        self._put((dict(report), dict(history), dict(seconds), reason))
+        self._put(end)
         recorded = self._receive().recorded
         assert recorded is not None
         return recorded
@@ -163,11 +157,13 @@ def serve() -> None:
 
 
 def _record(recorder: Recorder, messages: BinaryIO, answers: BinaryIO) -> Answer:
-    """Record a scene, whose frames come until the arguments of `finish`."""
+    """Record a scene, whose frames come until an `Ending`."""
     try:
         scene: Scene = pickle.load(messages)
         threads = max(backend.threads(scene.backend) // 2, 1)
-        backend.start(replace(scene.backend, threads=threads), alone=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the simulation has started Taichi, too, and said it
+            backend.start(replace(scene.backend, threads=threads), alone=False)
         recorder.open(scene)
         _say(Answer(), answers)
         if scene.capture.report or scene.capture.strip:  # no frame comes before the kernels of substeps are there
@@ -177,7 +173,7 @@ def _record(recorder: Recorder, messages: BinaryIO, answers: BinaryIO) -> Answer
             recorder.add(message)
     except (EOFError, pickle.UnpicklingError):
         raise AbandonedError("its simulation was killed, or failed without a word") from None
-    return Answer(recorder.finish(*message))
+    return Answer(recorder.finish(message))
 
 
 def _say(answer: Answer, answers: BinaryIO) -> None:

@@ -8,7 +8,7 @@ from fracsim.entry.interrupt import Interrupt, interrupted
 from fracsim.photo.stage import staged
 from fracsim.run.beside import Beside
 from fracsim.run.outcome import Outcome, health
-from fracsim.run.recorder import Recorder
+from fracsim.run.recorder import Ending, Recorder
 from fracsim.run.stopwatch import Stopwatch
 from fracsim.run.watcher import Watcher
 from fracsim.sample import find, scene_id
@@ -86,7 +86,7 @@ def _record(scene: Scene, prepared: Ready, recorder: Recorder | Beside, timer: S
     reason = _shoot(simulator, recorder, timer, watch)
     report = simulator.report
     seconds = dict(timer.seconds)
-    path, summary, frames = recorder.finish(report.summary(), vars(report.history), seconds, reason)
+    path, summary, frames = recorder.finish(Ending(report.summary(), vars(report.history), seconds, reason))
     if reason == INTERRUPTED:
         return Outcome("interrupted", path, reason, summary, seconds, frames)
     if reason:

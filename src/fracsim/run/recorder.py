@@ -14,6 +14,16 @@ from fracsim.sample import Writer, header_of
 from fracsim.scene.vocab import Scene
 
 
+class Ending(NamedTuple):
+    """What is known when the last frame has been handed over; see `Writer.finish`."""
+
+    report: Mapping[str, Any]
+    history: Mapping[str, Sequence[float]]
+    seconds: Mapping[str, float]
+    reason: str = ""
+    """Why frames are missing, or ""."""
+
+
 class Recorded(NamedTuple):
     """A sample that was closed, whole or not."""
 
@@ -84,16 +94,10 @@ class Recorder:
         folder.mkdir(exist_ok=True)
         return folder
 
-    def finish(
-        self,
-        report: Mapping[str, Any],
-        history: Mapping[str, Sequence[float]],
-        seconds: Mapping[str, float],
-        reason: str = "",
-    ) -> Recorded:
+    def finish(self, end: Ending) -> Recorded:
         """Close the sample, as `Writer.finish` does; what the film has to warn of joins `report["warnings"]`."""
-        report = {**report, "warnings": [*report["warnings"], *self._film.warnings()]}
-        path = self._opened.finish(report, history, seconds, reason)
+        report = {**end.report, "warnings": [*end.report["warnings"], *self._film.warnings()]}
+        path = self._opened.finish(report, end.history, end.seconds, end.reason)
         return Recorded(path, report, self.frames)
 
     @property
